@@ -1,0 +1,160 @@
+"""Gymnasium environment = Scene x Task: the scalar through `step`, the named vector in `info["vector_reward"]`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+
+from causalbench.core.scene import Facts, Scene, check_action
+from causalbench.core.tasks.stages import judge
+from causalbench.core.tasks.task import Task
+from causalbench.errors import LayoutDrawError, UnreachableLayoutError, UserError
+
+MAX_DRAWS = 200
+"""Starts that may be refused in a row before a reset gives up."""
+
+Observation = dict[str, Any]
+
+
+def reset_into(task: Task, scene: Scene, rng: np.random.Generator, stage: int | None = None) -> Facts:
+    """Reset `scene` to a drawn start that is reachable, free of contact and inside `stage` (any stage if None).
+
+    Raises `LayoutDrawError` after `MAX_DRAWS` refused draws.
+    """
+    for _ in range(MAX_DRAWS):
+        layout = task.draw_layout(rng, scene.spec.workspace, scene.spec.max_opening, stage or 1)
+        try:
+            scene.reset(layout)
+        except UnreachableLayoutError:
+            continue
+        facts = scene.facts()
+        collided = facts.collision_base | facts.collision_arm | facts.collision_self
+        if not collided and (stage is None or task.stage(facts) == stage):
+            return facts
+    where = "" if stage is None else f" in stage {stage}"
+    raise LayoutDrawError(
+        f"task {task.name!r} found no start{where} on backend {scene.spec.backend!r} in {MAX_DRAWS} draws: "
+        f"each was out of reach, in contact or in another stage; check the declared workspace {scene.spec.workspace}"
+    )
+
+
+def action_columns(task: Task, scene: Scene) -> NDArray[np.int64]:
+    """Where each task action stands in the scene's action vector; a `UserError` names what is missing."""
+    missing = [a for a in task.actions if a not in scene.spec.actions]
+    lacking = sorted(task.requires - scene.spec.capabilities)
+    if missing or lacking:
+        raise UserError(
+            f"backend {scene.spec.backend!r} cannot run task {task.name!r}: missing actions {missing}, "
+            f"missing capabilities {lacking}"
+        )
+    return np.array([scene.spec.actions.index(a) for a in task.actions])
+
+
+def observation_space(task: Task, scene: Scene, observe_gripper: bool = True) -> gym.spaces.Dict:
+    """Dict of `state` (the paper's variables), `stage` (index, stage - 1) and, if asked, `gripper` (opening in m)."""
+    low, high = (bound.astype(np.float32) for bound in task.state_bounds(scene.spec.workspace))
+    spaces: dict[str, gym.Space[Any]] = {
+        "state": gym.spaces.Box(low, high, dtype=np.float32),
+        "stage": gym.spaces.Discrete(task.n_stages),
+    }
+    if observe_gripper:
+        spaces["gripper"] = gym.spaces.Box(0.0, scene.spec.max_opening, (1,), np.float32)
+    return gym.spaces.Dict(spaces)
+
+
+class StageTaskEnv(gym.Env[Observation, NDArray[np.float32]]):
+    """A staged task in one scene.
+
+    Observation: see `observation_space`; values outside the declared bounds are clipped to them.
+    Action: (n_actions,) float32 in [-1, 1], names in `action_names`; 0 means "not executed".
+    Reward: the sum of the active terms. Reward vector: `info["vector_reward"]`, float64 (n_terms,), named
+    `reward_names`, space `reward_space` (the MO-Gymnasium convention).
+    `info` also has `stage` and `next_stage` (from 1, as in the paper), `reversal`, `is_success`.
+    `terminated` is the task's verdict, `truncated` the clock (`task.horizon` control steps).
+    """
+
+    metadata = {"render_modes": ["rgb_array"]}
+
+    def __init__(
+        self, task: Task, scene: Scene, render_mode: str | None = None, observe_gripper: bool = True
+    ) -> None:
+        self.task, self.scene, self.render_mode = task, scene, render_mode
+        self._columns = action_columns(task, scene)
+        self._full_action = np.zeros(len(scene.spec.actions))
+        self.metadata = self.metadata | {"render_fps": round(1 / scene.spec.control_dt)}
+        self.action_names, self.reward_names = task.actions, task.term_names
+        self.action_space = gym.spaces.Box(-1.0, 1.0, (len(task.actions),), np.float32)
+        self.reward_space = gym.spaces.Box(-np.inf, np.inf, (len(task.terms),), np.float64)
+        self.observation_space = observation_space(task, scene, observe_gripper)
+        self._low, self._high = (bound.astype(np.float32) for bound in task.state_bounds(scene.spec.workspace))
+        self._observe_gripper = observe_gripper
+        self._clock = 0
+        self._facts: Facts | None = None
+        self._stage = np.int64(0)
+
+    @property
+    def facts(self) -> Facts:
+        """What holds now; before the first reset an error."""
+        if self._facts is None:
+            raise gym.error.ResetNeeded("call reset() before step()")
+        return self._facts
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """A new start, drawn from `self.np_random`; `options={"stage": i}` starts inside stage i."""
+        super().reset(seed=seed)
+        self._facts = reset_into(self.task, self.scene, self.np_random, (options or {}).get("stage"))
+        self._stage = self.task.stage(self._facts)
+        self._clock = 0
+        return self._observation(), {"stage": int(self._stage)}
+
+    def step(self, action: NDArray[Any]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """One control step; see the class for what comes back. Raises `InvalidActionError`."""
+        previous, stage = self.facts, self._stage
+        action = check_action(action, self.action_space.shape)
+        self._full_action[self._columns] = action
+        self.scene.step(self._full_action)
+        now = self.scene.facts()
+        result = judge(self.task, stage, previous, action, now)
+        self._facts, self._stage = now, result.next_stage
+        self._clock += 1
+        info = {
+            "vector_reward": result.vector_reward,
+            "stage": int(stage),
+            "next_stage": int(result.next_stage),
+            "reversal": bool(result.reversal),
+            "is_success": bool(result.success),
+        }
+        terminated = info["is_success"]
+        truncated = self._clock >= self.task.horizon and not terminated
+        return self._observation(), float(result.vector_reward.sum()), terminated, truncated, info
+
+    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
+        """The scene camera's picture, 480 x 360, when `render_mode` is "rgb_array"."""
+        return self.scene.render(480, 360) if self.render_mode == "rgb_array" else None
+
+    def close(self) -> None:
+        """Close the scene; may be called twice."""
+        self.scene.close()
+
+    def _observation(self) -> Observation:
+        facts = self.facts
+        state = np.minimum(np.maximum(self.task.observe(facts).astype(np.float32), self._low), self._high)
+        out: Observation = {"state": state, "stage": np.int64(self._stage - 1)}
+        if self._observe_gripper:
+            opening = min(max(float(facts.gripper_opening), 0.0), self.scene.spec.max_opening)
+            out["gripper"] = np.array([opening], dtype=np.float32)
+        return out
+
+
+class VectorReward(gym.Wrapper[Observation, NDArray[np.float32], Observation, NDArray[np.float32]]):
+    """Returns the reward vector from `step`, so that MO-Gymnasium wrappers and morl-baselines run as they are."""
+
+    def step(self, action: NDArray[Any]) -> tuple[Observation, Any, bool, bool, dict[str, Any]]:
+        """As `StageTaskEnv.step`, the reward being float32 (n_terms,)."""
+        obs, _, terminated, truncated, info = self.env.step(action)
+        return obs, info["vector_reward"].astype(np.float32), terminated, truncated, info

@@ -1,0 +1,48 @@
+"""Engine-neutral descriptions of a start: boxes, a robot base pose and an end-effector pose."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Workspace:
+    """Where objects and the hand may start: boxes in the robot base frame, metres, from a scan of the arm's reach.
+
+    `object_low`, `object_high` (x, y) bound the centre of the task object on the table;
+    `hand_low`, `hand_high` (x, y, z) bound the end effector.
+    """
+
+    table_height: float
+    object_low: tuple[float, float]
+    object_high: tuple[float, float]
+    hand_low: tuple[float, float, float]
+    hand_high: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Box:
+    """An axis-aligned box in its own frame: half extents (3,), centre (3,) in metres and quaternion (4,) in the world."""
+
+    name: str
+    half_extents: Array
+    position: Array
+    quaternion: Array
+
+
+@dataclass(frozen=True)
+class Layout:
+    """A start, in the world frame. `fixtures` never move; `target` is the free object of the task."""
+
+    fixtures: tuple[Box, ...]
+    target: Box
+    target_mass: float  # kg
+    base_pose: Array  # (3,) x m, y m, yaw rad
+    eef_position: Array  # (3,) m
+    eef_quaternion: Array  # (4,)
+    gripper_opening: float  # m between the finger pads

@@ -1,0 +1,1 @@
+"""Tasks: data plus pure functions of facts, written once for every simulator."""

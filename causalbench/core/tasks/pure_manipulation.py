@@ -1,0 +1,255 @@
+"""Pure manipulation (paper, section Pure Manipulation Task): grasp a pencil box in four stages.
+
+1. Move the hand above the box. 2. Turn the hand face down. 3. Lower it. 4. Close the gripper on the box.
+The robot base is turned by 90 degrees, so base x drives world y and base y drives world -x.
+Success: in stage 4 both fingers press on the box (`Facts.holding`), judged from the pose before the step.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from causalbench.core import rotations
+from causalbench.core.layout import Box, Layout, Workspace
+from causalbench.core.scene import Facts, SceneSpec
+from causalbench.core.tasks.stages import active_terms
+from causalbench.core.tasks.task import CausalSets, Task, Term
+
+Array = NDArray[np.float64]
+
+BOX_HALF_EXTENTS = (0.05, 0.015, 0.025)  # m; the short side is y
+BOX_MASS = 0.2  # kg
+TABLE_HALF_EXTENTS = (0.3, 0.5)  # m along base x and y
+TABLE_GAP = 0.1  # m from the nearest object start to the table's near edge
+BOX_YAW = 0.1  # rad either way
+TILT_LOW, TILT_HIGH = 0.5, 0.85  # rad by which a starting hand points forward of straight down
+ROLL = 0.3  # rad either way about the hand's own x axis
+
+HOVER = 0.15  # m above the box centre: where stage 1 ends
+GRASP_HEIGHT = 0.0  # m above the box centre: where stage 3 ends
+TOLERANCE_XY = 0.02  # m, each world axis
+TOLERANCE_HOVER = 0.02  # m
+TOLERANCE_ORI = 0.10  # rad between the approach axis and straight down
+TOLERANCE_GRASP = 0.015  # m
+
+DISTANCE_SCALE = 10.0  # reward per metre (lambda of the paper, Reward Setting)
+ANGLE_SCALE = 2.0  # reward per radian
+EARLY_CLOSE = -0.5
+GRASP = 5.0
+STAGE_BONUS = 2.0
+COLLISION = -0.5
+HORIZON = 200  # control steps
+
+ACTIONS = ("armx", "army", "armz", "armrx", "armry", "armrz", "grip")
+N_STAGES = 4
+ALL_STAGES = (1, 2, 3, 4)
+TERMS = (
+    Term("r_eefx", (1,), True, "approach of the hand to the box along world x"),
+    Term("r_eefy", (1,), True, "approach of the hand to the box along world y"),
+    Term("r_eefz1", (1,), True, "approach of the hand to the hover height"),
+    Term("r_ori", (2,), True, "turn of the approach axis towards straight down"),
+    Term("r_eefz2", (3,), True, "approach of the hand to the grasp height"),
+    Term("r_gripper", ALL_STAGES, True, "closing: a penalty before stage 4, the grasp in stage 4"),
+    Term("r_collision_arm", ALL_STAGES, False, "the arm touches something other than the box"),
+    Term("r_collision_self", ALL_STAGES, False, "the robot touches itself"),
+    Term("r_success", ALL_STAGES, False, "bonus for a step into a later stage or to success"),
+)
+ACTIVE = active_terms(TERMS, N_STAGES)
+STATE_NAMES = (
+    *("pencil_box_x", "pencil_box_y", "pencil_box_z", "eefx", "eefy", "eefz", "target_eeflz"),
+    *("ori1", "ori2", "ori3", "ori4", "target_ori1", "target_ori2", "target_ori3", "target_ori4"),
+)
+
+BASE_YAW = math.pi / 2
+BASE_QUATERNION = np.array([math.cos(BASE_YAW / 2), 0.0, 0.0, math.sin(BASE_YAW / 2)])
+FACE_DOWN = np.array([0.0, 0.0, 1.0, 0.0])
+"""Target posture in the base frame: approach axis down, finger closing axis along base y."""
+
+MANUAL_GRAPH: CausalSets = {
+    stage: {term: frozenset(actions.split()) for term, actions in row.items()}
+    for stage, row in {
+        1: {"r_eefx": "army", "r_eefy": "armx", "r_eefz1": "armz", "r_gripper": "grip"},
+        2: {"r_ori": "armrx armry armrz", "r_gripper": "grip"},
+        3: {"r_eefz2": "armz", "r_gripper": "grip"},
+        4: {"r_gripper": "grip"},
+    }.items()
+}
+"""The human's causal graph (paper, figure Manual Causal Graph)."""
+
+
+def draw_layout(rng: np.random.Generator, workspace: Workspace, max_opening: float, stage: int) -> Layout:
+    """A start inside `stage`, up to what the caller still checks: U(s), reach and contact.
+
+    Always takes the same number of unit draws from `rng`, mapped affinely into `workspace`, so that one
+    seed means the same start in every simulator, up to the arm's reach.
+    """
+    unit = rng.random(10)
+    spread = 2.0 * unit - 1.0
+    low, high = np.array(workspace.object_low), np.array(workspace.object_high)
+    box = np.append(low + unit[:2] * (high - low), workspace.table_height + BOX_HALF_EXTENTS[2])
+    hand_low, hand_high = np.array(workspace.hand_low), np.array(workspace.hand_high)
+    hand = hand_low + unit[3:6] * (hand_high - hand_low)
+    pitch, roll, opening = -(TILT_LOW + unit[6] * (TILT_HIGH - TILT_LOW)), ROLL * spread[7], max_opening
+    if stage >= 2:
+        hand = box + [TOLERANCE_XY * spread[3], TOLERANCE_XY * spread[4], HOVER + TOLERANCE_HOVER * spread[5]]
+    if stage == 2:
+        pitch = -TILT_HIGH * unit[6]
+    if stage >= 3:
+        pitch, roll = TOLERANCE_ORI * spread[6] / math.sqrt(2), TOLERANCE_ORI * spread[7] / math.sqrt(2)
+        lowest = GRASP_HEIGHT + TOLERANCE_GRASP
+        hand[2] = box[2] + lowest + unit[5] * (HOVER + TOLERANCE_HOVER - lowest)
+    if stage == 4:
+        hand[2] = box[2] + GRASP_HEIGHT + TOLERANCE_GRASP * spread[5]
+        narrowest = 2 * BOX_HALF_EXTENTS[1] + 0.01  # m: a centimetre wider than the box
+        opening = narrowest + unit[8] * (max_opening - narrowest)
+    posture = rotations.multiply(
+        rotations.multiply(FACE_DOWN, rotations.from_axis_angle(1, pitch)), rotations.from_axis_angle(0, roll)
+    )
+    table_height = workspace.table_height
+    table = np.array([workspace.object_low[0] - TABLE_GAP + TABLE_HALF_EXTENTS[0], 0.0, table_height / 2])
+    return Layout(
+        fixtures=(
+            Box("table", np.array([*TABLE_HALF_EXTENTS, table_height / 2]), _to_world(table), BASE_QUATERNION.copy()),
+        ),
+        target=Box(
+            "pencil_box",
+            np.array(BOX_HALF_EXTENTS),
+            _to_world(box),
+            rotations.canonical(rotations.from_axis_angle(2, BASE_YAW + BOX_YAW * spread[2])),
+        ),
+        target_mass=BOX_MASS,
+        base_pose=np.array([0.0, 0.0, BASE_YAW]),
+        eef_position=_to_world(hand),
+        eef_quaternion=rotations.canonical(rotations.multiply(BASE_QUATERNION, posture)),
+        gripper_opening=float(opening),
+    )
+
+
+def _to_world(point: Array) -> Array:
+    return rotations.rotate(BASE_QUATERNION, point)
+
+
+def state_bounds(workspace: Workspace) -> tuple[Array, Array]:
+    """(low, high), each (15,): where the state variables normally lie, for scaling and for the observation space."""
+    margin, table = 0.1, workspace.table_height
+    box_low, box_high = np.array([*workspace.object_low, table]), np.array([*workspace.object_high, table + 0.3])
+    hand_low = np.minimum([*workspace.hand_low[:2], table], box_low)
+    hand_high = np.maximum(workspace.hand_high, [*workspace.object_high, table + HOVER])
+    side = np.array([margin, margin, 0.0])
+    top = np.array([margin, margin, margin])
+    low = [*(box_low - side), *(hand_low - side), table, *[-1.0] * 8]
+    high = [*(box_high + side), *(hand_high + top), table + 0.3 + HOVER, *[1.0] * 8]
+    return np.array(low), np.array(high)
+
+
+def observe(facts: Facts) -> Array:
+    """State variables (..., 15) of the paper's appendix, in the robot base frame; names in `STATE_NAMES`."""
+    yaw = facts.base_pose[..., 2]
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    out = np.empty(facts.eef_position.shape[:-1] + (15,))
+    for column, position in ((0, facts.object_position), (3, facts.eef_position)):
+        x, y = position[..., 0] - facts.base_pose[..., 0], position[..., 1] - facts.base_pose[..., 1]
+        out[..., column] = cos * x + sin * y
+        out[..., column + 1] = cos * y - sin * x
+        out[..., column + 2] = position[..., 2]
+    out[..., 6] = facts.object_position[..., 2] + HOVER
+    unturn = np.zeros(yaw.shape + (4,))
+    unturn[..., 0], unturn[..., 3] = np.cos(yaw / 2), -np.sin(yaw / 2)
+    posture = rotations.multiply(unturn, facts.eef_quaternion)
+    # The sign that is nearest to the target: with a fixed sign the posture would jump at the target itself.
+    out[..., 7:11] = np.where((posture[..., 2] < 0)[..., None], -posture, posture)
+    out[..., 11:15] = FACE_DOWN
+    return out
+
+
+def tilt(facts: Facts) -> Array:
+    """Angle (...) in radians between the approach axis and straight down."""
+    q = facts.eef_quaternion
+    down = 2 * (q[..., 1] * q[..., 1] + q[..., 2] * q[..., 2]) - 1
+    return np.arccos(np.minimum(np.maximum(down, -1.0), 1.0))
+
+
+def stage(facts: Facts) -> NDArray[np.int64]:
+    """U(s), int (...), 1 to 4: a memoryless function of the relative pose, so that progress can reverse."""
+    offset = facts.eef_position - facts.object_position
+    x, y, z = offset[..., 0], offset[..., 1], offset[..., 2]
+    above = (abs(x) < TOLERANCE_XY) & (abs(y) < TOLERANCE_XY)
+    hovering = above & (abs(z - HOVER) < TOLERANCE_HOVER)
+    upright = above & (tilt(facts) < TOLERANCE_ORI)
+    lowering = upright & (z < HOVER + TOLERANCE_HOVER) & (z > GRASP_HEIGHT - TOLERANCE_GRASP)
+    at_box = upright & (abs(z - GRASP_HEIGHT) < TOLERANCE_GRASP)
+    # A hand at the box is also lowering; one that is lowering counts 2 at least.
+    return 1 + (hovering | lowering) + lowering.astype(np.int64) + at_box
+
+
+def rewards(previous: Facts, action: Array, now: Facts) -> Array:
+    """Reward vector (..., 9) of the step; terms outside U(previous) are 0 (paper, Reward Setting)."""
+    before, after = previous.eef_position - previous.object_position, now.eef_position - now.object_position
+    stage_before = stage(previous)
+    done = success(previous, now)
+    out = np.empty(before.shape[:-1] + (len(TERMS),))
+    out[..., 0] = DISTANCE_SCALE * (abs(before[..., 0]) - abs(after[..., 0]))
+    out[..., 1] = DISTANCE_SCALE * (abs(before[..., 1]) - abs(after[..., 1]))
+    out[..., 2] = DISTANCE_SCALE * (abs(before[..., 2] - HOVER) - abs(after[..., 2] - HOVER))
+    out[..., 3] = ANGLE_SCALE * (tilt(previous) - tilt(now))
+    out[..., 4] = DISTANCE_SCALE * (abs(before[..., 2] - GRASP_HEIGHT) - abs(after[..., 2] - GRASP_HEIGHT))
+    out[..., 5] = GRASP * done + EARLY_CLOSE * ((stage_before < 4) & (action[..., 6] > 0))
+    out[..., 6] = COLLISION * now.collision_arm
+    out[..., 7] = COLLISION * now.collision_self
+    out[..., 8] = STAGE_BONUS * ((stage(now) > stage_before) | done)
+    return out * ACTIVE[stage_before]
+
+
+def success(previous: Facts, now: Facts) -> NDArray[np.bool_]:
+    """Bool (...): the box is held after a step from stage 4, judged on the pose before the motion of that step."""
+    return (stage(previous) == 4) & now.holding
+
+
+def expert(facts: Facts, spec: SceneSpec) -> Array:
+    """Scripted macro action (..., 7): proportional control of what the stage asks for and nothing else."""
+    speed = dict(zip(spec.actions, spec.action_speed, strict=True))
+    gain = 0.5 / spec.control_dt
+    u = stage(facts)
+    yaw = facts.base_pose[..., 2]
+    error = facts.object_position - facts.eef_position
+    goal_z = error[..., 2] + np.where(u >= 3, GRASP_HEIGHT, HOVER)
+    out = np.zeros(error.shape[:-1] + (7,))
+    moving, turning = u == 1, u == 2
+    out[..., 0] = moving * (np.cos(yaw) * error[..., 0] + np.sin(yaw) * error[..., 1]) * gain / speed["armx"]
+    out[..., 1] = moving * (np.cos(yaw) * error[..., 1] - np.sin(yaw) * error[..., 0]) * gain / speed["army"]
+    out[..., 2] = (moving | (u == 3)) * goal_z * gain / speed["armz"]
+    # Straight down seen from the hand: turning about z x down moves the approach axis there without any rz.
+    down = rotations.rotate(rotations.conjugate(facts.eef_quaternion), np.array([0.0, 0.0, -1.0]))
+    angle = tilt(facts)
+    ratio = angle / np.maximum(np.sin(angle), 1e-9)
+    out[..., 3] = -turning * down[..., 1] * ratio * gain / speed["armrx"]
+    out[..., 4] = turning * down[..., 0] * ratio * gain / speed["armry"]
+    out[..., 6] = np.where(u == 4, 1.0, -1.0)
+    return np.clip(out, -1.0, 1.0)
+
+
+TASK = Task(
+    name="pure_manipulation",
+    version=0,
+    env_id="causalbench/PureManipulation-v0",
+    n_stages=N_STAGES,
+    actions=ACTIONS,
+    terms=TERMS,
+    state_names=STATE_NAMES,
+    horizon=HORIZON,
+    constants={
+        name.lower(): value for name, value in list(globals().items()) if name.isupper() and isinstance(value, float)
+    }
+    | {"horizon": HORIZON},
+    manual_graph=MANUAL_GRAPH,
+    draw_layout=draw_layout,
+    state_bounds=state_bounds,
+    observe=observe,
+    stage=stage,
+    rewards=rewards,
+    success=success,
+    expert=expert,
+)

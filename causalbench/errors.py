@@ -1,0 +1,52 @@
+"""One class per mistake. Messages name what was given, what was expected, what exists and what to do."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+class CausalbenchError(Exception):
+    """Base of every error that this package raises on purpose."""
+
+
+class UserError(CausalbenchError):
+    """Raised when the user asked for something that cannot be; the command line prints it and exits with 2."""
+
+
+class UnknownNameError(UserError):
+    """Raised when the user names a backend, task, method or tier that does not exist."""
+
+    def __init__(self, kind: str, name: str, known: Iterable[str], hint: str = "") -> None:
+        known = sorted(known)
+        close = difflib.get_close_matches(name, known, n=1)
+        guess = f" Did you mean {close[0]!r}?" if close else ""
+        super().__init__(f"unknown {kind} {name!r}.{guess} Known: {', '.join(known) or 'none'}. {hint}".rstrip())
+
+
+class BrokenVersionError(UserError):
+    """Raised when an installed library is a version that is known not to work here."""
+
+
+class BackendLoadError(UserError):
+    """Raised when the user names a backend whose plugin is installed but could not be loaded."""
+
+
+class InvalidActionError(CausalbenchError, ValueError):
+    """Raised when an action has the wrong shape, is not finite, or lies outside [-1, 1]."""
+
+
+class UnreachableLayoutError(CausalbenchError):
+    """Raised when an arm cannot take the end-effector pose that a layout asks for; the caller draws another."""
+
+
+class SnapshotError(CausalbenchError, ValueError):
+    """Raised when bytes given to `Scene.restore` were not made by a scene of the same spec."""
+
+
+class LayoutDrawError(CausalbenchError):
+    """Raised when no start that the task and the scene accept was found in a bounded number of draws."""
+
+
+class InvalidGraphError(UserError):
+    """Raised when a causal graph does not fit the task (wrong names, wrong hash, an empty action set)."""

@@ -1,0 +1,51 @@
+"""The hooks a plugin may implement. Nothing here does anything; see docs/plugins.md for a worked example.
+
+A plugin is a distribution with an entry point in the group "causalbench" that names a module with
+functions decorated by `hookimpl`. Importing that module must not import a simulator.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import pluggy
+
+if TYPE_CHECKING:
+    from causalbench.core.learners.methods import Method
+    from causalbench.core.scene import Scene
+    from causalbench.core.tasks.task import Task
+
+hookspec = pluggy.HookspecMarker("causalbench")
+hookimpl = pluggy.HookimplMarker("causalbench")
+
+
+@dataclass(frozen=True)
+class Backend:
+    """What `causalbench_backends` registers.
+
+    `make(**options)` imports the simulator and returns a new scene; `engine` and `robot` are for people;
+    `modules` are the imports that the simulator needs, so that a missing one is named without importing it.
+    """
+
+    name: str
+    make: Callable[..., Scene]
+    engine: str
+    robot: str
+    modules: tuple[str, ...] = ()
+
+
+@hookspec
+def causalbench_backends(register: Callable[[Backend], None]) -> None:
+    """Call `register(Backend(...))` once per simulator."""
+
+
+@hookspec
+def causalbench_tasks(register: Callable[[Task], None]) -> None:
+    """Call `register(task)` once per task."""
+
+
+@hookspec
+def causalbench_methods(register: Callable[[Method], None]) -> None:
+    """Call `register(Method(...))` once per row of the method table."""
