@@ -1,1 +1,1 @@
-"""TODO"""
+"""Per-stage learners; the paper's methods are rows of the table in `methods`."""

@@ -1,0 +1,142 @@
+"""The CausalGraph artefact: which actions cause which reward terms, per stage, with where it came from and a hash."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from causalbench.core.tasks.task import Task
+from causalbench.errors import InvalidGraphError
+
+SCHEMA = 1
+
+
+@dataclass(frozen=True)
+class StageGraph:
+    """The matrix of one stage and the numbers behind it; rows are actions, columns are reward terms.
+
+    `kl` is KL(P1||P2), `kl_reverse` KL(P2||P1), P1 = p(r | s, do(a_k = 0)) and P2 = p(r | s, random a_k);
+    `kl_symmetric` their mean; all in nats, with the placebo's value per term in `placebo_kl` in the direction used.
+    `cv` and `kl_normalised` are those of Algorithm 2. A term whose reward never varied is untestable: its column is
+    taken from the task's declared graph.
+    """
+
+    stage: int
+    actions: tuple[str, ...]
+    terms: tuple[str, ...]
+    matrix: NDArray[np.bool_]  # (n_actions, n_terms)
+    kl: NDArray[np.float64] | None = None  # (n_actions, n_terms), like the three that follow
+    kl_reverse: NDArray[np.float64] | None = None
+    kl_symmetric: NDArray[np.float64] | None = None
+    kl_normalised: NDArray[np.float64] | None = None
+    cv: NDArray[np.float64] | None = None  # (n_terms,), like the two that follow
+    placebo_kl: NDArray[np.float64] | None = None
+    testable: NDArray[np.bool_] | None = None
+
+    def causal_actions(self) -> tuple[str, ...]:
+        """Actions with a cause in some column, in order (paper, eq. CausalActions)."""
+        return tuple(a for a, row in zip(self.actions, self.matrix, strict=True) if row.any())
+
+
+@dataclass(frozen=True)
+class CausalGraph:
+    """One `StageGraph` per stage. `origin` says how it was made; `provenance` holds settings, seed, data hash, versions.
+
+    `env_steps` counts every environment step that discovery took; 0 for a declared graph.
+    """
+
+    task: str
+    task_version: int
+    origin: Literal["discovered", "manual"]
+    stages: tuple[StageGraph, ...]
+    env_steps: int = 0
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def hash(self) -> str:
+        """First 16 hex digits of the SHA-256 of the canonical JSON of everything in the graph."""
+        return hashlib.sha256(_canonical(self._content()).encode()).hexdigest()[:16]
+
+    def _content(self) -> dict[str, Any]:
+        return {"schema": SCHEMA} | dataclasses.asdict(self)
+
+    def to_json(self) -> str:
+        """JSON text whose `hash` key is that of the rest."""
+        return _canonical(self._content() | {"hash": self.hash}, indent=1)
+
+    @classmethod
+    def from_json(cls, text: str, source: Path | str = "causal graph") -> CausalGraph:
+        """The graph in `text`. Raises `InvalidGraphError` when it is no graph or its hash does not match its content."""
+        try:
+            data = json.loads(text)
+            claimed = data.pop("hash")
+            if data.pop("schema") != SCHEMA:
+                raise InvalidGraphError(f"{source}: made by another version of causalbench; run discovery again")
+            data["stages"] = tuple(_stage_graph(stage) for stage in data["stages"])
+            graph = cls(**data)
+        except (ValueError, KeyError, TypeError, AttributeError) as error:
+            raise InvalidGraphError(f"{source}: not a causal graph ({error!r}); run `causalbench discover`") from error
+        if graph.hash != claimed:
+            raise InvalidGraphError(f"{source}: content hash {graph.hash} differs from the recorded {claimed}; was it edited?")
+        return graph
+
+    def check(self, task: Task) -> None:
+        """Raise `InvalidGraphError` unless the graph fits `task`: names, order and no stage without a causal action."""
+        if (self.task, self.task_version) != (task.name, task.version):
+            raise InvalidGraphError(
+                f"causal graph {self.hash} is for {self.task} v{self.task_version}, not {task.name} v{task.version}"
+            )
+        if [g.stage for g in self.stages] != list(range(1, task.n_stages + 1)):
+            raise InvalidGraphError(f"causal graph {self.hash} has stages {[g.stage for g in self.stages]}")
+        for graph in self.stages:
+            if graph.actions != task.actions or graph.terms != task.stage_terms(graph.stage, discoverable_only=True):
+                raise InvalidGraphError(f"causal graph {self.hash}, stage {graph.stage}: actions or terms differ from the task's")
+            if not graph.matrix.any():
+                raise InvalidGraphError(
+                    f"causal graph {self.hash}, stage {graph.stage}: no action causes any reward, so no policy can be "
+                    f"built; discover again with more samples"
+                )
+
+
+def manual_graph(task: Task) -> CausalGraph:
+    """The human's graph, declared by the task."""
+    return CausalGraph(
+        task.name,
+        task.version,
+        "manual",
+        tuple(
+            StageGraph(stage, task.actions, terms, declared_matrix(task, stage, terms))
+            for stage in range(1, task.n_stages + 1)
+            for terms in [task.stage_terms(stage, discoverable_only=True)]
+        ),
+    )
+
+
+def declared_matrix(task: Task, stage: int, terms: tuple[str, ...]) -> NDArray[np.bool_]:
+    """(n_actions, n_terms) matrix of the human's graph for one stage."""
+    row = task.manual_graph[stage]
+    return np.array([[action in row[term] for term in terms] for action in task.actions])
+
+
+def _stage_graph(data: dict[str, Any]) -> StageGraph:
+    arrays = {k: np.array(v) for k, v in data.items() if isinstance(v, list) and k not in ("actions", "terms")}
+    return StageGraph(**(data | arrays | {"actions": tuple(data["actions"]), "terms": tuple(data["terms"])}))
+
+
+def _canonical(content: Any, indent: int | None = None) -> str:
+    def plain(value: Any) -> Any:
+        if isinstance(value, np.ndarray):
+            return value.tolist()
+        if isinstance(value, np.generic):
+            return value.item()
+        raise TypeError(f"{type(value).__name__} has no place in a causal graph")
+
+    return json.dumps(content, default=plain, sort_keys=True, indent=indent, allow_nan=False)

@@ -1,0 +1,47 @@
+"""What a training run reports, as plain numbers: no torch, no simulator."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """Outcome of evaluating a policy on full task episodes from stage 1.
+
+    Success is a share in [0, 1]; `reversals_per_episode`, `mean_final_stage` (success counts as n_stages + 1) and
+    `term_returns` (mean undiscounted return of each reward term per episode) are of the deterministic episodes.
+    `held_rate` is the share of deterministic successes whose box survived the lift and a 2 s hold; None if there
+    were no successes or it was not tested.
+    """
+
+    env_steps: int
+    episodes: int
+    success_deterministic: float
+    success_sampled: float
+    held_rate: float | None
+    reversals_per_episode: float
+    mean_final_stage: float
+    mean_length: float
+    term_returns: Mapping[str, float]
+
+
+@dataclass
+class TrainingCounts:
+    """What happened during training. `transitions[i, j]` counts env steps from stage i to j (row, column 0 unused).
+
+    `long_reversals` are those that last at least 3 steps: a memoryless tolerance edge chatters.
+    """
+
+    transitions: NDArray[np.int64]
+    env_steps: int = 0
+    episodes: int = 0
+    successes: int = 0
+    reversals: int = 0
+    long_reversals: int = 0
+    reached: dict[int, int] = field(default_factory=dict)  # stage -> episodes that reached it
+    updates: dict[int, int] = field(default_factory=dict)  # stage -> gradient updates

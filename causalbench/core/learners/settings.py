@@ -1,0 +1,48 @@
+"""Every number a learner or an evaluation needs, in one place, with the paper's values beside ours."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class SACSettings:
+    """Settings of `StagedSAC`, per stage agent. The defaults are the quick tier's; `PRESETS["paper"]` the paper's."""
+
+    net_arch: tuple[int, ...] = (64, 64)
+    batch_size: int = 256
+    learning_rate: float = 1e-3
+    gamma: float = 0.99
+    tau: float = 0.005  # soft target update factor
+    buffer_size: int = 10_000  # samples kept per stage
+    learning_starts: int = 500  # random samples per stage before its first update
+    train_every: int = 32  # new samples of a stage that trigger its training (Algorithm 3, `count`)
+    updates_per_sample: float = 0.25
+    ent_coef_init: float = 0.05  # entropy start; SB3's "auto" starts at 1.0
+    cooperation_weight: float = 0.3  # share of the next stage's critic in cSAC
+    n_envs: int = 1  # scenes stepped by one learner
+    observe_gripper: bool = True  # ours; the paper's observation has no gripper opening
+
+
+@dataclass(frozen=True)
+class EvaluationSettings:
+    """When and how a learner is evaluated: full task episodes from stage 1 on seeds of their own."""
+
+    every: int = 2_000  # env steps between evaluations
+    episodes: int = 20  # per evaluation, deterministic and sampled each
+    final_episodes: int = 50  # after the last step; each success is lifted and held for 2 s
+
+
+PRESETS = {
+    "quick": SACSettings(),
+    "paper": SACSettings(
+        net_arch=(512, 512),
+        batch_size=512,
+        learning_rate=5e-4,
+        train_every=1000,
+        updates_per_sample=1.0,
+        learning_starts=1000,
+        observe_gripper=False,
+    ),
+}
+"""Named starting points; the paper's are its hyperparameter table and its section Neural Network Architecture."""
