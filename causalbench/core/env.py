@@ -66,22 +66,38 @@ def action_columns(task: Task, spec: SceneSpec) -> NDArray[np.int64]:
     return np.array([spec.actions.index(a) for a in task.actions])
 
 
-def observation_space(task: Task, spec: SceneSpec, observe_gripper: bool = True) -> gym.spaces.Dict:
-    """Dict of `state` (the paper's variables), `stage` (index, stage - 1) and, if asked, `gripper` (opening in m)."""
-    low, high = (bound.astype(np.float32) for bound in task.state_bounds(spec.workspace))
-    spaces: dict[str, gym.Space[Any]] = {
-        "state": gym.spaces.Box(low, high, dtype=np.float32),
-        "stage": gym.spaces.Discrete(task.n_stages),
-    }
-    if observe_gripper:
-        spaces["gripper"] = gym.spaces.Box(0.0, spec.max_opening, (1,), np.float32)
-    return gym.spaces.Dict(spaces)
+class Observer:
+    """Facts to observations; `space` is a Dict of
+
+    - `state`: the paper's variables, float32, clipped to the task's bounds;
+    - `stage`: stage - 1, for routing;
+    - `gripper`: opening in metres, float32 (1,), only with `observe_gripper` (the paper has none).
+    """
+
+    def __init__(self, task: Task, spec: SceneSpec, observe_gripper: bool) -> None:
+        self._task, self._max_opening, self._observe_gripper = task, spec.max_opening, observe_gripper
+        self._low, self._high = (bound.astype(np.float32) for bound in task.state_bounds(spec.workspace))
+        spaces: dict[str, gym.Space[Any]] = {
+            "state": gym.spaces.Box(self._low, self._high, dtype=np.float32),
+            "stage": gym.spaces.Discrete(task.n_stages),
+        }
+        if observe_gripper:
+            spaces["gripper"] = gym.spaces.Box(0.0, spec.max_opening, (1,), np.float32)
+        self.space = gym.spaces.Dict(spaces)
+
+    def __call__(self, facts: Facts, stage: NDArray[np.int64]) -> Observation:
+        state = self._task.observe(facts).astype(np.float32)
+        obs: Observation = {"state": np.minimum(np.maximum(state, self._low), self._high), "stage": stage - 1}
+        if self._observe_gripper:
+            opening = np.minimum(np.maximum(facts.gripper_opening, 0.0), self._max_opening)
+            obs["gripper"] = np.asarray(opening, dtype=np.float32)[..., None]
+        return obs
 
 
 class StageTaskEnv(gym.Env[Observation, NDArray[np.float32]]):
     """A staged task in one scene.
 
-    Observation: see `observation_space`; values outside the declared bounds are clipped to them.
+    Observation: see `Observer`.
     Action: (n_actions,) float32 in [-1, 1], names in `action_names`; 0 means "not executed".
     Reward: the sum of the active terms. Reward vector: `info["vector_reward"]`, float64 (n_terms,), named
     `reward_names`, space `reward_space` (the MO-Gymnasium convention).
@@ -99,9 +115,8 @@ class StageTaskEnv(gym.Env[Observation, NDArray[np.float32]]):
         self.action_names, self.reward_names = task.actions, task.term_names
         self.action_space = gym.spaces.Box(-1.0, 1.0, (len(task.actions),), np.float32)
         self.reward_space = gym.spaces.Box(-np.inf, np.inf, (len(task.terms),), np.float64)
-        self.observation_space = observation_space(task, scene.spec, observe_gripper)
-        self._low, self._high = (bound.astype(np.float32) for bound in task.state_bounds(scene.spec.workspace))
-        self._observe_gripper = observe_gripper
+        self._observer = Observer(task, scene.spec, observe_gripper)
+        self.observation_space = self._observer.space
         self._clock = 0
         self._facts: Facts | None = None
         self._stage = np.int64(0)
@@ -122,7 +137,7 @@ class StageTaskEnv(gym.Env[Observation, NDArray[np.float32]]):
         self._facts = self.scene.facts()
         self._stage = self.task.stage(self._facts)
         self._clock = 0
-        return self._observation(), {"stage": int(self._stage)}
+        return self._observer(self._facts, self._stage), {"stage": int(self._stage)}
 
     def step(self, action: NDArray[Any]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """One control step; see the class for what comes back. Raises `InvalidActionError`."""
@@ -143,7 +158,7 @@ class StageTaskEnv(gym.Env[Observation, NDArray[np.float32]]):
         }
         terminated = info["is_success"]
         truncated = self._clock >= self.task.horizon and not terminated
-        return self._observation(), float(result.vector_reward.sum()), terminated, truncated, info
+        return self._observer(now, self._stage), float(result.vector_reward.sum()), terminated, truncated, info
 
     def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
         """The scene camera's picture, 480 x 360, when `render_mode` is "rgb_array"."""
@@ -152,15 +167,6 @@ class StageTaskEnv(gym.Env[Observation, NDArray[np.float32]]):
     def close(self) -> None:
         """Close the scene; may be called twice."""
         self.scene.close()
-
-    def _observation(self) -> Observation:
-        facts = self.facts
-        state = np.minimum(np.maximum(self.task.observe(facts).astype(np.float32), self._low), self._high)
-        out: Observation = {"state": state, "stage": np.int64(self._stage - 1)}
-        if self._observe_gripper:
-            opening = min(max(float(facts.gripper_opening), 0.0), self.scene.spec.max_opening)
-            out["gripper"] = np.array([opening], dtype=np.float32)
-        return out
 
 
 class VectorReward(gym.Wrapper[Observation, NDArray[np.float32], Observation, NDArray[np.float32]]):
