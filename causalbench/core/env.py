@@ -78,9 +78,7 @@ class StageTaskEnv(gym.Env[Observation, NDArray[np.float32]]):
 
     metadata = {"render_modes": ["rgb_array"]}
 
-    def __init__(
-        self, task: Task, scene: Scene, render_mode: str | None = None, observe_gripper: bool = True
-    ) -> None:
+    def __init__(self, task: Task, scene: Scene, render_mode: str | None = None, observe_gripper: bool = True) -> None:
         self.task, self.scene, self.render_mode = task, scene, render_mode
         self._columns = action_columns(task, scene)
         self._full_action = np.zeros(len(scene.spec.actions))

@@ -1,6 +1,8 @@
-"""Unit quaternions (w, x, y, z) over any leading batch dimensions, numpy only.
+"""Unit quaternions (w, x, y, z), single (4,) or in batches (n, 4); numpy only.
 
-Sign convention of the whole project: the first component that is not zero is positive (`canonical`).
+Sign convention of the whole project: w >= 0 (`canonical`). Components are unpacked with `.T` (scalars of one pose,
+columns of a batch) rather than handled by `np.cross` and the like: for single poses numpy scalars are several times
+faster than tiny arrays, and stepping loops call this all the time.
 """
 
 from __future__ import annotations
@@ -12,15 +14,17 @@ Array = NDArray[np.float64]
 
 
 def multiply(a: Array, b: Array) -> Array:
-    """Hamilton product a * b of quaternions (..., 4): rotate by b first, then by a (b in a's frame)."""
-    w1, x1, y1, z1 = a[..., 0], a[..., 1], a[..., 2], a[..., 3]
-    w2, x2, y2, z2 = b[..., 0], b[..., 1], b[..., 2], b[..., 3]
-    out = np.empty(np.broadcast_shapes(a.shape, b.shape))
-    out[..., 0] = w1 * w2 - x1 * x2 - y1 * y2 - z1 * z2
-    out[..., 1] = w1 * x2 + x1 * w2 + y1 * z2 - z1 * y2
-    out[..., 2] = w1 * y2 - x1 * z2 + y1 * w2 + z1 * x2
-    out[..., 3] = w1 * z2 + x1 * y2 - y1 * x2 + z1 * w2
-    return out
+    """Hamilton product a * b (..., 4): rotate by b first, then by a (b in a's frame)."""
+    w1, x1, y1, z1 = a.T
+    w2, x2, y2, z2 = b.T
+    return np.array(
+        [
+            w1 * w2 - x1 * x2 - y1 * y2 - z1 * z2,
+            w1 * x2 + x1 * w2 + y1 * z2 - z1 * y2,
+            w1 * y2 - x1 * z2 + y1 * w2 + z1 * x2,
+            w1 * z2 + x1 * y2 - y1 * x2 + z1 * w2,
+        ]
+    ).T
 
 
 def conjugate(q: Array) -> Array:
@@ -29,10 +33,10 @@ def conjugate(q: Array) -> Array:
 
 
 def canonical(q: Array) -> Array:
-    """Unit length and the project's sign: the first component whose size exceeds 1e-9 is positive."""
-    q = q / np.sqrt((q * q).sum(-1, keepdims=True))
-    first = np.argmax(np.abs(q) > 1e-9, axis=-1)[..., None]
-    return q * np.where(np.take_along_axis(q, first, -1) < 0, -1.0, 1.0)
+    """The same rotation (..., 4) with unit length and the project's sign, w >= 0."""
+    w, x, y, z = q.T
+    scale = np.where(w < 0, -1.0, 1.0) / np.sqrt(w * w + x * x + y * y + z * z)
+    return (q.T * scale).T
 
 
 def from_axis_angle(axis: int, angle: Array | float) -> Array:
@@ -45,20 +49,17 @@ def from_axis_angle(axis: int, angle: Array | float) -> Array:
 
 
 def rotate(q: Array, v: Array) -> Array:
-    """Vectors (..., 3) turned by unit quaternions (..., 4)."""
-    w, u = q[..., :1], q[..., 1:]
-    t = 2.0 * np.cross(u, v)
-    return v + w * t + np.cross(u, t)
-
-
-def z_axis(q: Array) -> Array:
-    """Third column (..., 3) of the rotation matrix of q: where the frame's own z axis points."""
-    w, x, y, z = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
-    out = np.empty(q.shape[:-1] + (3,))
-    out[..., 0] = 2 * (x * z + w * y)
-    out[..., 1] = 2 * (y * z - w * x)
-    out[..., 2] = 1 - 2 * (x * x + y * y)
-    return out
+    """Vectors (..., 3) turned by unit quaternions (..., 4): v + w t + u x t with t = 2 u x v, u = (x, y, z)."""
+    w, x, y, z = q.T
+    vx, vy, vz = v.T
+    tx, ty, tz = 2 * (y * vz - z * vy), 2 * (z * vx - x * vz), 2 * (x * vy - y * vx)
+    return np.array(
+        [
+            vx + w * tx + y * tz - z * ty,
+            vy + w * ty + z * tx - x * tz,
+            vz + w * tz + x * ty - y * tx,
+        ]
+    ).T
 
 
 def rotation_vector(q: Array) -> Array:

@@ -1,7 +1,7 @@
 """What a simulator must offer: one `Scene`, ten members. Everything else in core is built on it.
 
 Units and frames, once for all backends: metres, radians, seconds; world frame with z up; quaternions
-(w, x, y, z), unit, first non-zero component positive; the end-effector frame has z along the approach
+(w, x, y, z), unit, w >= 0; the end-effector frame has z along the approach
 axis (out of the palm), y along the finger closing axis and its origin between the finger pads; the
 robot base frame has x forward, y left, z up, origin on the floor.
 """
@@ -62,7 +62,7 @@ class SceneSpec:
 class Facts:
     """All that a task may see, at the end of a control step, in the world frame.
 
-    Every field may carry the same leading batch dimensions. Arrays are the reader's own: never views of
+    Shapes are those of one world; all fields may carry the same one leading batch dimension. Arrays are the reader's own: never views of
     simulator memory. A collision flag is true if the contact exists at the end of the control step; the
     arm includes the gripper; contact with the task object is not a collision. `holding` is true when both
     finger pads press on the task object.
@@ -133,7 +133,6 @@ def check_action(action: Array, shape: tuple[int, ...]) -> Array:
     action = np.asarray(action, dtype=np.float64)
     if action.shape != shape:
         raise InvalidActionError(f"action has shape {action.shape}, expected {shape}")
-    largest = np.abs(action).max(initial=0.0)
-    if not largest <= 1.0 + 1e-6:  # also catches NaN
+    if not (abs(action) <= 1.0 + 1e-6).all():  # also catches NaN
         raise InvalidActionError(f"action {action} is not finite or leaves [-1, 1]")
     return action

@@ -85,7 +85,9 @@ class CausalGraph:
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise InvalidGraphError(f"{source}: not a causal graph ({error!r}); run `causalbench discover`") from error
         if graph.hash != claimed:
-            raise InvalidGraphError(f"{source}: content hash {graph.hash} differs from the recorded {claimed}; was it edited?")
+            raise InvalidGraphError(
+                f"{source}: content hash {graph.hash} differs from the recorded {claimed}; was it edited?"
+            )
         return graph
 
     def check(self, task: Task) -> None:
@@ -98,7 +100,9 @@ class CausalGraph:
             raise InvalidGraphError(f"causal graph {self.hash} has stages {[g.stage for g in self.stages]}")
         for graph in self.stages:
             if graph.actions != task.actions or graph.terms != task.stage_terms(graph.stage, discoverable_only=True):
-                raise InvalidGraphError(f"causal graph {self.hash}, stage {graph.stage}: actions or terms differ from the task's")
+                raise InvalidGraphError(
+                    f"causal graph {self.hash}, stage {graph.stage}: actions or terms differ from the task's"
+                )
             if not graph.matrix.any():
                 raise InvalidGraphError(
                     f"causal graph {self.hash}, stage {graph.stage}: no action causes any reward, so no policy can be "

@@ -147,60 +147,68 @@ def state_bounds(workspace: Workspace) -> tuple[Array, Array]:
 
 def observe(facts: Facts) -> Array:
     """State variables (..., 15) of the paper's appendix, in the robot base frame; names in `STATE_NAMES`."""
-    yaw = facts.base_pose[..., 2]
+    base_x, base_y, yaw = facts.base_pose.T
     cos, sin = np.cos(yaw), np.sin(yaw)
-    out = np.empty(facts.eef_position.shape[:-1] + (15,))
-    for column, position in ((0, facts.object_position), (3, facts.eef_position)):
-        x, y = position[..., 0] - facts.base_pose[..., 0], position[..., 1] - facts.base_pose[..., 1]
-        out[..., column] = cos * x + sin * y
-        out[..., column + 1] = cos * y - sin * x
-        out[..., column + 2] = position[..., 2]
-    out[..., 6] = facts.object_position[..., 2] + HOVER
-    unturn = np.zeros(yaw.shape + (4,))
-    unturn[..., 0], unturn[..., 3] = np.cos(yaw / 2), -np.sin(yaw / 2)
-    posture = rotations.multiply(unturn, facts.eef_quaternion)
-    # The sign that is nearest to the target: with a fixed sign the posture would jump at the target itself.
-    out[..., 7:11] = np.where((posture[..., 2] < 0)[..., None], -posture, posture)
-    out[..., 11:15] = FACE_DOWN
-    return out
+    rows = []
+    for position in (facts.object_position, facts.eef_position):
+        x, y, z = position.T
+        x, y = x - base_x, y - base_y
+        rows += [cos * x + sin * y, cos * y - sin * x, z]
+    rows.append(rows[2] + HOVER)
+    w, x, y, z = facts.eef_quaternion.T
+    cos, sin = np.cos(yaw / 2), np.sin(yaw / 2)
+    posture = cos * y - sin * x
+    # The sign that is nearest to the target: with w >= 0 the posture would jump at the target itself.
+    sign = np.where(posture < 0, -1.0, 1.0)
+    rows += [sign * (cos * w + sin * z), sign * (cos * x + sin * y), sign * posture, sign * (cos * z - sin * w)]
+    zero = 0.0 * yaw
+    return np.array(rows + [component + zero for component in FACE_DOWN]).T
 
 
 def tilt(facts: Facts) -> Array:
     """Angle (...) in radians between the approach axis and straight down."""
-    q = facts.eef_quaternion
-    down = 2 * (q[..., 1] * q[..., 1] + q[..., 2] * q[..., 2]) - 1
-    return np.arccos(np.minimum(np.maximum(down, -1.0), 1.0))
+    _, x, y, _ = facts.eef_quaternion.T
+    return np.arccos(np.minimum(np.maximum(2 * (x * x + y * y) - 1, -1.0), 1.0))
 
 
 def stage(facts: Facts) -> NDArray[np.int64]:
     """U(s), int (...), 1 to 4: a memoryless function of the relative pose, so that progress can reverse."""
-    offset = facts.eef_position - facts.object_position
-    x, y, z = offset[..., 0], offset[..., 1], offset[..., 2]
+    return _stage((facts.eef_position - facts.object_position).T, tilt(facts))
+
+
+def _stage(offset: Array, angle: Array) -> NDArray[np.int64]:
+    x, y, z = offset
     above = (abs(x) < TOLERANCE_XY) & (abs(y) < TOLERANCE_XY)
     hovering = above & (abs(z - HOVER) < TOLERANCE_HOVER)
-    upright = above & (tilt(facts) < TOLERANCE_ORI)
+    upright = above & (angle < TOLERANCE_ORI)
     lowering = upright & (z < HOVER + TOLERANCE_HOVER) & (z > GRASP_HEIGHT - TOLERANCE_GRASP)
     at_box = upright & (abs(z - GRASP_HEIGHT) < TOLERANCE_GRASP)
-    # A hand at the box is also lowering; one that is lowering counts 2 at least.
-    return 1 + (hovering | lowering) + lowering.astype(np.int64) + at_box
+    # A hand at the box is also lowering, and one that is lowering is in stage 3 whether or not it hovers.
+    return np.int64(1) + (hovering | lowering) + lowering + at_box
 
 
 def rewards(previous: Facts, action: Array, now: Facts) -> Array:
     """Reward vector (..., 9) of the step; terms outside U(previous) are 0 (paper, Reward Setting)."""
-    before, after = previous.eef_position - previous.object_position, now.eef_position - now.object_position
-    stage_before = stage(previous)
-    done = success(previous, now)
-    out = np.empty(before.shape[:-1] + (len(TERMS),))
-    out[..., 0] = DISTANCE_SCALE * (abs(before[..., 0]) - abs(after[..., 0]))
-    out[..., 1] = DISTANCE_SCALE * (abs(before[..., 1]) - abs(after[..., 1]))
-    out[..., 2] = DISTANCE_SCALE * (abs(before[..., 2] - HOVER) - abs(after[..., 2] - HOVER))
-    out[..., 3] = ANGLE_SCALE * (tilt(previous) - tilt(now))
-    out[..., 4] = DISTANCE_SCALE * (abs(before[..., 2] - GRASP_HEIGHT) - abs(after[..., 2] - GRASP_HEIGHT))
-    out[..., 5] = GRASP * done + EARLY_CLOSE * ((stage_before < 4) & (action[..., 6] > 0))
-    out[..., 6] = COLLISION * now.collision_arm
-    out[..., 7] = COLLISION * now.collision_self
-    out[..., 8] = STAGE_BONUS * ((stage(now) > stage_before) | done)
-    return out * ACTIVE[stage_before]
+    before, after = (previous.eef_position - previous.object_position).T, (now.eef_position - now.object_position).T
+    tilt_before, tilt_after = tilt(previous), tilt(now)
+    stage_before, stage_after = _stage(before, tilt_before), _stage(after, tilt_after)
+    done = (stage_before == 4) & now.holding
+    early = (stage_before < 4) & (action.T[6] > 0)
+    (x0, y0, z0), (x1, y1, z1) = before, after
+    terms = np.array(
+        [
+            DISTANCE_SCALE * (abs(x0) - abs(x1)),
+            DISTANCE_SCALE * (abs(y0) - abs(y1)),
+            DISTANCE_SCALE * (abs(z0 - HOVER) - abs(z1 - HOVER)),
+            ANGLE_SCALE * (tilt_before - tilt_after),
+            DISTANCE_SCALE * (abs(z0 - GRASP_HEIGHT) - abs(z1 - GRASP_HEIGHT)),
+            GRASP * done + EARLY_CLOSE * early,
+            COLLISION * now.collision_arm,
+            COLLISION * now.collision_self,
+            STAGE_BONUS * ((stage_after > stage_before) | done),
+        ]
+    ).T
+    return np.where(ACTIVE[stage_before], terms, 0.0)
 
 
 def success(previous: Facts, now: Facts) -> NDArray[np.bool_]:
@@ -225,7 +233,7 @@ def expert(facts: Facts, spec: SceneSpec) -> Array:
     down = rotations.rotate(rotations.conjugate(facts.eef_quaternion), np.array([0.0, 0.0, -1.0]))
     angle = tilt(facts)
     ratio = angle / np.maximum(np.sin(angle), 1e-9)
-    out[..., 3] = -turning * down[..., 1] * ratio * gain / speed["armrx"]
+    out[..., 3] = turning * -down[..., 1] * ratio * gain / speed["armrx"]
     out[..., 4] = turning * down[..., 0] * ratio * gain / speed["armry"]
     out[..., 6] = np.where(u == 4, 1.0, -1.0)
     return np.clip(out, -1.0, 1.0)

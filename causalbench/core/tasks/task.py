@@ -1,4 +1,4 @@
-"""What a task is: names, terms and pure functions over `Facts` that broadcast over batch dimensions."""
+"""What a task is: names, terms and pure functions over `Facts`, single or with one batch dimension."""
 
 from __future__ import annotations
 

@@ -1,0 +1,88 @@
+"""Many scenes stepped as one: `BatchScene`, natively (kinematic) or as a list of ordinary scenes."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from causalbench.core.layout import Layout
+from causalbench.core.scene import Facts, Scene, SceneSpec
+
+Array = NDArray[np.float64]
+
+
+class BatchScene(ABC):
+    """`n` worlds of one spec; as `Scene`, with a leading dimension n on actions and facts."""
+
+    spec: SceneSpec
+    n: int
+
+    @abstractmethod
+    def reset(self, index: int, layout: Layout) -> None:
+        """Put world `index` into `layout`; may raise `UnreachableLayoutError`."""
+
+    @abstractmethod
+    def step(self, actions: Array) -> None:
+        """Advance every world by one control step; `actions` (n, n_actions) in [-1, 1]."""
+
+    @abstractmethod
+    def facts(self) -> Facts:
+        """What holds now, every field with leading dimension n."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Release what the worlds hold; may be called twice."""
+
+
+class SceneList(BatchScene):
+    """Ordinary scenes behind the batch interface, stepped one after the other."""
+
+    def __init__(self, scenes: Sequence[Scene]) -> None:
+        self.scenes, self.n, self.spec = tuple(scenes), len(scenes), scenes[0].spec
+
+    def reset(self, index: int, layout: Layout) -> None:
+        self.scenes[index].reset(layout)
+
+    def step(self, actions: Array) -> None:
+        for scene, action in zip(self.scenes, actions, strict=True):
+            scene.step(action)
+
+    def facts(self) -> Facts:
+        return stack([scene.facts() for scene in self.scenes])
+
+    def close(self) -> None:
+        for scene in self.scenes:
+            scene.close()
+
+
+def make_batch(make_scene: Callable[[], Scene], n: int) -> BatchScene:
+    """`n` worlds: the backend's own batch where its scene offers one (`batch(n)`), else a list of scenes."""
+    first = make_scene()
+    if isinstance(first, Batchable):
+        return first.batch(n)
+    return SceneList([first, *(make_scene() for _ in range(n - 1))])
+
+
+class Batchable(ABC):
+    """Mixed into a scene whose backend can step many worlds at once."""
+
+    @abstractmethod
+    def batch(self, n: int) -> BatchScene:
+        """`n` worlds of this scene's spec."""
+
+
+_FIELDS = tuple(field.name for field in fields(Facts))
+
+
+def stack(facts: Sequence[Facts]) -> Facts:
+    """Facts of single worlds as one record with a leading dimension."""
+    return Facts(**{name: np.stack([getattr(f, name) for f in facts]) for name in _FIELDS})
+
+
+def select(facts: Facts, index: int | NDArray[np.int64]) -> Facts:
+    """One world's facts (int) or those of several (index array)."""
+    return Facts(**{name: getattr(facts, name)[index] for name in _FIELDS})
