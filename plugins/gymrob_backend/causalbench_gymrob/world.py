@@ -32,6 +32,9 @@ class World:
         self.target = self._box(fetch.OBJECT)
         self.gap = self._closed_gap()
         self.qpos, self.qvel, self.ctrl = data.qpos, data.qvel, data.ctrl
+        # The arm's joints and servos are contiguous: views, not copies.
+        self.arm_joints = data.qpos[self.arm[0] : self.arm[-1] + 1]
+        self.arm_target = data.ctrl[self.arm_servos[0] : self.arm_servos[-1] + 1]
         hand = model.site(fetch.EEF_SITE).id
         self.hand_position, self.hand_matrix = data.site_xpos[hand], data.site_xmat[hand]
         self.state = np.empty(mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_INTEGRATION))
