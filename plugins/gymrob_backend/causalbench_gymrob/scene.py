@@ -29,7 +29,6 @@ WORKSPACE = Workspace(
 )
 """Result of `python -m causalbench_gymrob.reach_scan`; see the README."""
 
-HOLDING_FORCE = 5.0  # N of each pad on the object: two and a half times the weight of the task's box
 MAX_TARGET_DT = 0.025  # s between new servo targets: in larger strides joints reach the lead limit and the hand swerves
 SETTLE = 0.1  # s of simulation after a reset, for contacts to take their load
 SETTLE_POSITION, SETTLE_ANGLE = 1e-3, math.radians(0.5)  # how far a settled start may lie off its layout
@@ -112,36 +111,26 @@ class GymrobScene(Scene):
     def step(self, action: Array) -> None:
         """Advance by one `spec.control_dt`; `action` (7,) in [-1, 1]. Raises `InvalidActionError`."""
         delta = check_action(action, (len(ACTIONS),)) * self._stride
-        world, model, data = self._world, self._world.model, self._world.data
-        substeps, dt = self._part, self._part * self.spec.timestep
-        for part in range(self._parts):
-            arm_ik.follow(world.chain, world.arm_target, world.arm_joints, delta, dt)
-            if delta[6] != 0.0:
-                control.move_fingers(world.qpos, world.ctrl, world.fingers, world.finger_servos, delta[6])
-            if part == 0:
-                # The first half of the first substep was done at the end of the last control step.
-                mujoco.mj_step2(model, data)
-                if substeps > 1:
-                    mujoco.mj_step(model, data, substeps - 1)
-            else:
-                mujoco.mj_step(model, data, substeps)
+        w = self._world
+        control.control_step(
+            w.model_address, w.data_address, self._parts, self._part, delta, self._part * self.spec.timestep,
+            w.chain, w.arm_target, w.arm_joints, w.qpos, w.ctrl, w.fingers, w.finger_servos,
+        )  # fmt: skip
         self._refresh()
 
     def facts(self) -> Facts:
         """What holds now. `holding` goes by the pad forces of the last substep, all else by the state after it."""
-        world, contact = self._world, self._world.data.contact
-        flags = np.empty(3, dtype=np.bool_)
-        reading.contact_flags(contact.geom, contact.dist, world.classes, flags)
-        x = np.empty(20)
-        reading.poses(
-            world.hand_position, world.hand_matrix, world.qpos, world.qvel,
-            world.base, world.fingers, world.free, world.gap, x,
+        w = self._world
+        x, flags = np.empty(20), np.empty(4, dtype=np.bool_)
+        reading.read(
+            w.data.contact.geom, w.classes, self._pad_forces, w.hand_position, w.hand_matrix, w.qpos, w.qvel,
+            w.base, w.fingers, w.free, w.gap, x, flags,
         )  # fmt: skip
         return Facts(
             eef_position=x[0:3],
             eef_quaternion=x[3:7],
             gripper_opening=x[7],
-            holding=self._pad_forces.min() > HOLDING_FORCE,
+            holding=flags[3],
             object_position=x[8:11],
             object_quaternion=x[11:15],
             base_pose=x[15:18],

@@ -20,6 +20,7 @@ class World:
         self.model = model = fetch.build(timestep, n_fixtures)
         self.data = data = mujoco.MjData(model)
         self.classes = geom_classes(model)
+        self.model_address, self.data_address = model._address, data._address
         self.chain = fetch.arm_chain(model)
         self.arm = self._addresses(fetch.ARM_JOINTS)
         self.fingers = self._addresses(fetch.FINGER_JOINTS)
