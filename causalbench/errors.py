@@ -50,3 +50,7 @@ class LayoutDrawError(CausalbenchError):
 
 class InvalidGraphError(UserError):
     """Raised when a causal graph does not fit the task (wrong names, wrong hash, an empty action set)."""
+
+
+class DivergedError(CausalbenchError):
+    """Raised when a loss or a weight is no longer finite: the cell ends as `diverged`."""
