@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from causalbench.core import rotations
-from causalbench.core.env import reset_into
+from causalbench.core.env import StageTaskEnv
 from causalbench.core.layout import Box, Layout
 from causalbench.core.scene import Scene
 from causalbench.core.tasks import pure_manipulation as task
@@ -139,7 +139,7 @@ def test_two_scenes_do_not_touch_each_other(scene: Scene) -> None:
 
 
 def test_pressing_on_the_table_is_a_collision_of_the_arm(scene: Scene) -> None:
-    reset_into(task.TASK, scene, np.random.default_rng(0))
+    StageTaskEnv(task.TASK, scene).reset(seed=0)
     down = np.zeros(7)
     down[2] = -1.0
     touched = False

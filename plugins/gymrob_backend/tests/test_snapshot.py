@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from causalbench.core.env import reset_into
+from causalbench.core.env import StageTaskEnv
 from causalbench.core.scene import Scene
 from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench.errors import CausalbenchError, SnapshotError
@@ -30,13 +30,13 @@ def play(scene: Scene, seed: int = 0, steps: int = 15) -> bytes:
 
 
 def free(scene: Scene) -> bytes:
-    reset_into(TASK, scene, np.random.default_rng(3))
+    StageTaskEnv(TASK, scene).reset(seed=3)
     play(scene, 1, 5)
     return scene.snapshot()
 
 
 def pressing(scene: Scene) -> bytes:
-    reset_into(TASK, scene, np.random.default_rng(4))
+    StageTaskEnv(TASK, scene).reset(seed=4)
     down = np.zeros(7)
     down[2] = -1.0
     for _ in range(30):
@@ -57,7 +57,7 @@ def snapshot(request: pytest.FixtureRequest, scene: Scene) -> bytes:
 def test_a_restored_scene_goes_on_bit_for_bit(scene: Scene, snapshot: bytes) -> None:
     facts = scene.facts()
     first = play(scene)
-    reset_into(TASK, scene, np.random.default_rng(9))
+    StageTaskEnv(TASK, scene).reset(seed=9)
     play(scene, 7, 5)
     scene.restore(snapshot)
     assert all(np.array_equal(getattr(facts, n), getattr(scene.facts(), n)) for n in facts.__slots__)
