@@ -13,7 +13,7 @@ from causalbench.core import arm_ik, rotations
 from causalbench.core.layout import Layout, Workspace
 from causalbench.core.scene import ACTION_SPEED, Facts, Scene, SceneSpec, check_action
 from causalbench.errors import CausalbenchError, UnreachableLayoutError, UserError
-from causalbench_gymrob import control, reading, snapshot
+from causalbench_gymrob import __version__, control, reading, snapshot
 from causalbench_gymrob.model import FINGER_STROKE
 from causalbench_gymrob.world import World
 
@@ -51,7 +51,7 @@ class GymrobScene(Scene):
         self._world = World(timestep, n_fixtures=1)
         self.spec = SceneSpec(
             backend="gymrob",
-            backend_version="0.1.0",
+            backend_version=__version__,
             engine="MuJoCo",
             engine_version=metadata.version("mujoco"),
             robot="Fetch",
@@ -64,12 +64,7 @@ class GymrobScene(Scene):
             capabilities=frozenset({"exact_restore", "physics", "rgb"}),
         )
         self._digest = snapshot.spec_digest(self.spec)
-        self._parts = next(
-            parts
-            for parts in range(1, self.substeps + 1)
-            if self.substeps % parts == 0
-            and (self.substeps // parts * timestep < MAX_TARGET_DT + 1e-9 or parts == self.substeps)
-        )
+        self._parts = _parts(self.substeps, timestep)
         self._part = self.substeps // self._parts  # substeps
         self._stride = np.array(self.spec.action_speed) * self._part * timestep
         self._layout: Layout | None = None
@@ -212,6 +207,12 @@ class GymrobScene(Scene):
             raise UnreachableLayoutError(
                 f"the start does not stay where the layout puts it: it moves by {off:.2g} m and {turned:.2g} rad"
             )
+
+
+def _parts(substeps: int, timestep: float) -> int:
+    """Into how many equal parts of whole substeps a control step falls so that none exceeds `MAX_TARGET_DT`."""
+    divisors = (parts for parts in range(1, substeps) if substeps % parts == 0)
+    return next((parts for parts in divisors if substeps // parts * timestep <= MAX_TARGET_DT + 1e-9), substeps)
 
 
 def rotation_matrix(quaternion: Array) -> Array:
