@@ -50,3 +50,11 @@ class LayoutDrawError(CausalbenchError):
 
 class InvalidGraphError(UserError):
     """Raised when a causal graph does not fit the task (wrong names, wrong hash, an empty action set)."""
+
+
+class SuiteError(UserError):
+    """Raised when a suite file has a mistake; the message starts with file, line and key."""
+
+
+class RunFolderError(UserError):
+    """Raised when a run folder cannot be written, is in use, or holds what cannot be compared with the new cells."""
