@@ -3,22 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
+from causalbench.core.kinematic import make as make_kinematic
 from causalbench.core.learners.methods import METHODS, Method
-from causalbench.core.scene import Scene
 from causalbench.core.tasks.pure_manipulation import TASK as PURE_MANIPULATION
 from causalbench.core.tasks.task import Task
 from causalbench.hookspecs import Backend, hookimpl
 
 TASKS = (PURE_MANIPULATION,)
-
-
-def make_kinematic(**options: Any) -> Scene:
-    """A new kinematic scene; imported on first use, since compiling its loops costs time."""
-    from causalbench.core.kinematic import KinematicScene
-
-    return KinematicScene.make(**options)
 
 
 @hookimpl
