@@ -58,3 +58,7 @@ class SuiteError(UserError):
 
 class RunFolderError(UserError):
     """Raised when a run folder cannot be written, is in use, or holds what cannot be compared with the new cells."""
+
+
+class DivergedError(CausalbenchError):
+    """Raised when a number in training or in a simulator is no longer finite; the run stops and says where."""
