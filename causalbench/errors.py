@@ -52,13 +52,13 @@ class InvalidGraphError(UserError):
     """Raised when a causal graph does not fit the task (wrong names, wrong hash, an empty action set)."""
 
 
+class DivergedError(CausalbenchError):
+    """Raised when a loss or a weight is no longer finite: the cell ends as `diverged`."""
+
+
 class SuiteError(UserError):
     """Raised when a suite file has a mistake; the message starts with file, line and key."""
 
 
 class RunFolderError(UserError):
     """Raised when a run folder cannot be written, is in use, or holds what cannot be compared with the new cells."""
-
-
-class DivergedError(CausalbenchError):
-    """Raised when a number in training or in a simulator is no longer finite; the run stops and says where."""

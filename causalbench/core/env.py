@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core.scene import Facts, Scene, check_action
+from causalbench.core.batch import BatchScene, SceneList
+from causalbench.core.scene import Facts, Scene, SceneSpec, check_action
 from causalbench.core.tasks.stages import judge
 from causalbench.core.tasks.task import Task
 from causalbench.errors import LayoutDrawError, UnreachableLayoutError, UserError
@@ -19,56 +21,83 @@ MAX_DRAWS = 200
 Observation = dict[str, Any]
 
 
-def reset_into(task: Task, scene: Scene, rng: np.random.Generator, stage: int | None = None) -> Facts:
-    """Reset `scene` to a drawn start that is reachable, free of contact and inside `stage` (any stage if None).
+def reset_worlds(
+    task: Task, batch: BatchScene, indices: Sequence[int], rngs: Sequence[np.random.Generator], stage: int | None = None
+) -> None:
+    """Reset worlds `indices` of `batch`, each to a start drawn from its own generator.
 
+    A start is drawn again until it is reachable, free of contact and inside `stage` (any stage if None).
     Raises `LayoutDrawError` after `MAX_DRAWS` refused draws.
     """
+    pending = list(zip(indices, rngs, strict=True))
     for _ in range(MAX_DRAWS):
-        layout = task.draw_layout(rng, scene.spec.workspace, scene.spec.max_opening, stage or 1)
-        try:
-            scene.reset(layout)
-        except UnreachableLayoutError:
-            continue
-        facts = scene.facts()
-        collided = facts.collision_base | facts.collision_arm | facts.collision_self
-        if not collided and (stage is None or task.stage(facts) == stage):
-            return facts
+        refused = [world for world in pending if not _place(task, batch, *world, stage or 1)]
+        facts = batch.facts()
+        usable = ~(facts.collision_base | facts.collision_arm | facts.collision_self)
+        if stage is not None:
+            usable &= task.stage(facts) == stage
+        pending = [world for world in pending if world in refused or not usable[world[0]]]
+        if not pending:
+            return
     where = "" if stage is None else f" in stage {stage}"
     raise LayoutDrawError(
-        f"task {task.name!r} found no start{where} on backend {scene.spec.backend!r} in {MAX_DRAWS} draws: "
-        f"each was out of reach, in contact or in another stage; check the declared workspace {scene.spec.workspace}"
+        f"task {task.name!r} found no start{where} on backend {batch.spec.backend!r} in {MAX_DRAWS} draws: "
+        f"each was out of reach, in contact or in another stage; check the declared workspace {batch.spec.workspace}"
     )
 
 
-def action_columns(task: Task, scene: Scene) -> NDArray[np.int64]:
+def _place(task: Task, batch: BatchScene, index: int, rng: np.random.Generator, stage: int) -> bool:
+    try:
+        batch.reset(index, task.draw_layout(rng, batch.spec.workspace, batch.spec.max_opening, stage))
+    except UnreachableLayoutError:
+        return False
+    return True
+
+
+def action_columns(task: Task, spec: SceneSpec) -> NDArray[np.int64]:
     """Where each task action stands in the scene's action vector; a `UserError` names what is missing."""
-    missing = [a for a in task.actions if a not in scene.spec.actions]
-    lacking = sorted(task.requires - scene.spec.capabilities)
+    missing = [a for a in task.actions if a not in spec.actions]
+    lacking = sorted(task.requires - spec.capabilities)
     if missing or lacking:
         raise UserError(
-            f"backend {scene.spec.backend!r} cannot run task {task.name!r}: missing actions {missing}, "
+            f"backend {spec.backend!r} cannot run task {task.name!r}: missing actions {missing}, "
             f"missing capabilities {lacking}"
         )
-    return np.array([scene.spec.actions.index(a) for a in task.actions])
+    return np.array([spec.actions.index(a) for a in task.actions])
 
 
-def observation_space(task: Task, scene: Scene, observe_gripper: bool = True) -> gym.spaces.Dict:
-    """Dict of `state` (the paper's variables), `stage` (index, stage - 1) and, if asked, `gripper` (opening in m)."""
-    low, high = (bound.astype(np.float32) for bound in task.state_bounds(scene.spec.workspace))
-    spaces: dict[str, gym.Space[Any]] = {
-        "state": gym.spaces.Box(low, high, dtype=np.float32),
-        "stage": gym.spaces.Discrete(task.n_stages),
-    }
-    if observe_gripper:
-        spaces["gripper"] = gym.spaces.Box(0.0, scene.spec.max_opening, (1,), np.float32)
-    return gym.spaces.Dict(spaces)
+class Observer:
+    """Facts to observations; `space` is a Dict of
+
+    - `state`: the paper's variables, float32, clipped to the task's bounds;
+    - `stage`: stage - 1, for routing;
+    - `gripper`: opening in metres, float32 (1,), only with `observe_gripper` (the paper has none).
+    """
+
+    def __init__(self, task: Task, spec: SceneSpec, observe_gripper: bool) -> None:
+        self._task, self._max_opening, self._observe_gripper = task, spec.max_opening, observe_gripper
+        self._low, self._high = (bound.astype(np.float32) for bound in task.state_bounds(spec.workspace))
+        spaces: dict[str, gym.Space[Any]] = {
+            "state": gym.spaces.Box(self._low, self._high, dtype=np.float32),
+            "stage": gym.spaces.Discrete(task.n_stages),
+        }
+        if observe_gripper:
+            spaces["gripper"] = gym.spaces.Box(0.0, spec.max_opening, (1,), np.float32)
+        self.space = gym.spaces.Dict(spaces)
+
+    def __call__(self, facts: Facts, stage: NDArray[np.int64]) -> Observation:
+        state = self._task.observe(facts).astype(np.float32)
+        obs: Observation = {"state": np.minimum(np.maximum(state, self._low), self._high), "stage": stage - 1}
+        if self._observe_gripper:
+            opening = np.minimum(np.maximum(facts.gripper_opening, 0.0), self._max_opening)
+            obs["gripper"] = np.asarray(opening, dtype=np.float32)[..., None]
+        return obs
 
 
 class StageTaskEnv(gym.Env[Observation, NDArray[np.float32]]):
     """A staged task in one scene.
 
-    Observation: see `observation_space`; values outside the declared bounds are clipped to them.
+    Observation: see `Observer`.
     Action: (n_actions,) float32 in [-1, 1], names in `action_names`; 0 means "not executed".
     Reward: the sum of the active terms. Reward vector: `info["vector_reward"]`, float64 (n_terms,), named
     `reward_names`, space `reward_space` (the MO-Gymnasium convention).
@@ -80,15 +109,14 @@ class StageTaskEnv(gym.Env[Observation, NDArray[np.float32]]):
 
     def __init__(self, task: Task, scene: Scene, render_mode: str | None = None, observe_gripper: bool = True) -> None:
         self.task, self.scene, self.render_mode = task, scene, render_mode
-        self._columns = action_columns(task, scene)
+        self._columns = action_columns(task, scene.spec)
         self._full_action = np.zeros(len(scene.spec.actions))
         self.metadata = self.metadata | {"render_fps": round(1 / scene.spec.control_dt)}
         self.action_names, self.reward_names = task.actions, task.term_names
         self.action_space = gym.spaces.Box(-1.0, 1.0, (len(task.actions),), np.float32)
         self.reward_space = gym.spaces.Box(-np.inf, np.inf, (len(task.terms),), np.float64)
-        self.observation_space = observation_space(task, scene, observe_gripper)
-        self._low, self._high = (bound.astype(np.float32) for bound in task.state_bounds(scene.spec.workspace))
-        self._observe_gripper = observe_gripper
+        self._observer = Observer(task, scene.spec, observe_gripper)
+        self.observation_space = self._observer.space
         self._clock = 0
         self._facts: Facts | None = None
         self._stage = np.int64(0)
@@ -105,10 +133,11 @@ class StageTaskEnv(gym.Env[Observation, NDArray[np.float32]]):
     ) -> tuple[Observation, dict[str, Any]]:
         """A new start, drawn from `self.np_random`; `options={"stage": i}` starts inside stage i."""
         super().reset(seed=seed)
-        self._facts = reset_into(self.task, self.scene, self.np_random, (options or {}).get("stage"))
+        reset_worlds(self.task, SceneList([self.scene]), [0], [self.np_random], (options or {}).get("stage"))
+        self._facts = self.scene.facts()
         self._stage = self.task.stage(self._facts)
         self._clock = 0
-        return self._observation(), {"stage": int(self._stage)}
+        return self._observer(self._facts, self._stage), {"stage": int(self._stage)}
 
     def step(self, action: NDArray[Any]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """One control step; see the class for what comes back. Raises `InvalidActionError`."""
@@ -129,7 +158,7 @@ class StageTaskEnv(gym.Env[Observation, NDArray[np.float32]]):
         }
         terminated = info["is_success"]
         truncated = self._clock >= self.task.horizon and not terminated
-        return self._observation(), float(result.vector_reward.sum()), terminated, truncated, info
+        return self._observer(now, self._stage), float(result.vector_reward.sum()), terminated, truncated, info
 
     def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
         """The scene camera's picture, 480 x 360, when `render_mode` is "rgb_array"."""
@@ -138,15 +167,6 @@ class StageTaskEnv(gym.Env[Observation, NDArray[np.float32]]):
     def close(self) -> None:
         """Close the scene; may be called twice."""
         self.scene.close()
-
-    def _observation(self) -> Observation:
-        facts = self.facts
-        state = np.minimum(np.maximum(self.task.observe(facts).astype(np.float32), self._low), self._high)
-        out: Observation = {"state": state, "stage": np.int64(self._stage - 1)}
-        if self._observe_gripper:
-            opening = min(max(float(facts.gripper_opening), 0.0), self.scene.spec.max_opening)
-            out["gripper"] = np.array([opening], dtype=np.float32)
-        return out
 
 
 class VectorReward(gym.Wrapper[Observation, NDArray[np.float32], Observation, NDArray[np.float32]]):

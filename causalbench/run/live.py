@@ -8,6 +8,7 @@ from typing import Protocol
 
 from rich.console import Console
 from rich.live import Live
+from rich.markup import escape
 from rich.progress_bar import ProgressBar
 from rich.table import Table
 
@@ -129,7 +130,7 @@ class TableView:
                 _number(progress.success),
                 _number(progress.reversals_per_1000_steps),
                 self._left(cell, progress) if status.state == "running" else "",
-                status.reason or progress.text,
+                escape(status.reason or progress.text),
             )
         return table
 

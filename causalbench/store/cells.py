@@ -108,7 +108,7 @@ class RunFolder:
     def cells(self) -> list[StoredCell]:
         """Every cell in the folder, in an order that does not depend on when each was run."""
         found = [read_cell(path.parent) for kind in KINDS.values() for path in self.path.glob(f"{kind}/*/cell.json")]
-        return sorted(found, key=_order)
+        return in_order(found)
 
 
 def read_cell(folder: Path) -> StoredCell:
@@ -117,6 +117,11 @@ def read_cell(folder: Path) -> StoredCell:
     if content.pop("schema", None) != SCHEMA:
         raise RunFolderError(f"{folder}: written by another version of causalbench; run the suite again with a new --out")
     return StoredCell(content.pop("id"), content, _read_status(folder), folder)
+
+
+def in_order(cells: Iterable[StoredCell]) -> list[StoredCell]:
+    """The cells by task, backend, method and seed."""
+    return sorted(cells, key=_order)
 
 
 def _order(cell: StoredCell) -> tuple[str, str, str, int, str]:

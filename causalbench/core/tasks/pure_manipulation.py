@@ -94,7 +94,7 @@ def draw_layout(rng: np.random.Generator, workspace: Workspace, max_opening: flo
     hand = hand_low + unit[3:6] * (hand_high - hand_low)
     pitch, roll, opening = -(TILT_LOW + unit[6] * (TILT_HIGH - TILT_LOW)), ROLL * spread[7], max_opening
     if stage >= 2:
-        hand = box + [TOLERANCE_XY * spread[3], TOLERANCE_XY * spread[4], HOVER + TOLERANCE_HOVER * spread[5]]
+        hand = box + np.array([TOLERANCE_XY * spread[3], TOLERANCE_XY * spread[4], HOVER + TOLERANCE_HOVER * spread[5]])
     if stage == 2:
         pitch = -TILT_HIGH * unit[6]
     if stage >= 3:
@@ -224,7 +224,7 @@ def expert(facts: Facts, spec: SceneSpec) -> Array:
     yaw = facts.base_pose[..., 2]
     error = facts.object_position - facts.eef_position
     goal_z = error[..., 2] + np.where(u >= 3, GRASP_HEIGHT, HOVER)
-    out = np.zeros(error.shape[:-1] + (7,))
+    out = np.zeros((*error.shape[:-1], 7))
     moving, turning = u == 1, u == 2
     out[..., 0] = moving * (np.cos(yaw) * error[..., 0] + np.sin(yaw) * error[..., 1]) * gain / speed["armx"]
     out[..., 1] = moving * (np.cos(yaw) * error[..., 1] - np.sin(yaw) * error[..., 0]) * gain / speed["army"]

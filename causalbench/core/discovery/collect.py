@@ -1,0 +1,90 @@
+"""Step 1 of Algorithm 1: random, intervention and inference data of one stage."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from causalbench.core.batch import BatchScene
+from causalbench.core.env import action_columns, reset_worlds
+from causalbench.core.scene import Facts
+from causalbench.core.tasks.task import Task
+
+Floats = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Transitions of one stage. `actions` has the task's actions and, last, the placebo that no scene sees."""
+
+    states: Floats  # (n, n_state + 1): the paper's variables and the gripper opening
+    actions: Floats  # (n, n_actions + 1)
+    rewards: Floats  # (n, n_terms of the stage)
+
+    def without(self, k: int) -> Samples:
+        """A copy in which action k is not executed: the paper's copy of D_inference."""
+        actions = self.actions.copy()
+        actions[:, k] = 0.0
+        return replace(self, actions=actions)
+
+    def digest(self) -> str:
+        """SHA-256 of the raw data, hex."""
+        parts = (self.states, self.actions, self.rewards)
+        return hashlib.sha256(b"".join(np.ascontiguousarray(a).tobytes() for a in parts)).hexdigest()
+
+
+def collect(
+    task: Task,
+    batch: BatchScene,
+    stage: int,
+    count: int,
+    do: int | None,
+    rng: np.random.Generator,
+    sequence_length: int,
+    on_step: Callable[[int], None],
+) -> Samples:
+    """`count` transitions under uniform random actions, action `do` held at 0 (the index n_actions is the placebo).
+
+    A step that leaves the stage is kept with the old stage's reward, which is a function of (s, a); then the
+    world is reset into the stage. Dropping it would select samples by a consequence of the action. A sequence
+    also ends after `sequence_length` steps, whatever `count` and the number of worlds, so that more data does not
+    mean other states. `on_step(n)` is told of every n env steps taken.
+    """
+    columns = action_columns(task, batch.spec)
+    terms = [task.term_names.index(name) for name in task.stage_terms(stage, discoverable_only=True)]
+    n_actions = len(task.actions)
+    full = np.zeros((batch.n, len(batch.spec.actions)))
+    length = np.zeros(batch.n, dtype=int)
+    over = np.ones(batch.n, dtype=bool)
+    chunks: list[tuple[Floats, Floats, Floats]] = []
+    collected = 0
+    while collected < count:
+        restart = np.flatnonzero(over)
+        if restart.size:
+            reset_worlds(task, batch, restart.tolist(), [rng] * restart.size, stage)
+            length[restart] = 0
+            before = batch.facts()
+        actions = rng.uniform(-1.0, 1.0, (batch.n, n_actions + 1))
+        if do is not None:
+            actions[:, do] = 0.0
+        full[:, columns] = actions[:, :n_actions]
+        batch.step(full)
+        now = batch.facts()
+        rewards = task.rewards(before, actions[:, :n_actions], now)[:, terms]
+        chunks.append((model_inputs(task, before), actions.astype(np.float32), rewards.astype(np.float32)))
+        collected += batch.n
+        on_step(batch.n)
+        length += 1
+        over = (task.stage(now) != stage) | task.success(before, now) | (length >= sequence_length)
+        before = now
+    states, acts, rewards = (np.concatenate(column)[:count] for column in zip(*chunks, strict=True))
+    return Samples(states, acts, rewards)
+
+
+def model_inputs(task: Task, facts: Facts) -> Floats:
+    """(n, n_state + 1) what the reward model sees of the state: all that the rewards depend on."""
+    return np.column_stack([task.observe(facts), facts.gripper_opening]).astype(np.float32)

@@ -1,0 +1,141 @@
+"""Step 2 of Algorithm 1: one reward model per (action, term) pair, all pairs of a stage trained as one network.
+
+p(r_j | s, a) = Normal(mu, sigma) through F(128)-F(128)-F(128)-(F(1), F(1)), loss the negative log likelihood
+(paper, Training Reward Prediction Models and appendix). The pairs are independent: their weights stand side by
+side in one batched matrix product and the loss is the sum over pairs.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from causalbench.core.discovery.collect import Samples
+from causalbench.core.discovery.settings import DiscoverySettings
+
+HIDDEN = (128, 128, 128)
+HELD_OUT = 0.1  # share of the training data on which early stopping judges
+LOG_SIGMA_MAX = 4.0
+
+
+@dataclass(frozen=True)
+class RewardModels:
+    """Trained models of every (action, term) pair of one stage, action-major: pair p = k * n_terms + j.
+
+    Rewards are in deviations of the term in D_random. `epochs` is how long training ran.
+    """
+
+    weights: list[Tensor]
+    input_mean: Tensor
+    input_scale: Tensor
+    n_terms: int
+    log_sigma_min: float
+    epochs: int
+
+    def predict(self, samples: Samples, k: int) -> tuple[Tensor, Tensor]:
+        """Mean and log sigma (n_terms, n) of action k's models, in deviations of the term."""
+        rows = slice(k * self.n_terms, (k + 1) * self.n_terms)
+        inputs = (_inputs(samples) - self.input_mean) / self.input_scale
+        with torch.no_grad():
+            out = _forward([w[rows] for w in self.weights], inputs.expand(self.n_terms, -1, -1))
+        return out[..., 0], out[..., 1].clamp(self.log_sigma_min, LOG_SIGMA_MAX)
+
+
+def term_scale(random: Samples) -> tuple[np.ndarray, np.ndarray]:
+    """(deviation (n_terms,), testable (n_terms,)): a term that never varies in D_random cannot be tested."""
+    scale = random.rewards.astype(np.float64).std(0)
+    testable = scale > 1e-6 * np.abs(random.rewards).max(0).clip(min=1.0)
+    return np.where(testable, scale, 1.0), testable
+
+
+def train_reward_models(
+    random: Samples,
+    interventions: list[Samples],
+    settings: DiscoverySettings,
+    seed: int,
+    on_progress: Callable[[float], None],
+) -> RewardModels:
+    """Train on D_random together with each D_do[a_k] (`interventions[k]`), early stopping per pair.
+
+    Each pair keeps the weights of its best held-out likelihood; training ends when no pair has improved for
+    `settings.patience` epochs (0: after `settings.max_epochs`, last weights kept, as in the paper).
+    """
+    generator = torch.Generator().manual_seed(seed)
+    n_actions, n_terms = len(interventions), random.rewards.shape[1]
+    inputs = torch.stack([torch.cat([_inputs(random), _inputs(do)]) for do in interventions])  # (K, N, d)
+    mean = inputs.mean((0, 1))
+    scale = inputs.std((0, 1))
+    scale = torch.where(scale < 1e-6, torch.ones_like(scale), scale)
+    inputs = (inputs - mean) / scale
+    centre, deviation = random.rewards.mean(0), term_scale(random)[0].astype(np.float32)
+    rewards = [np.concatenate([random.rewards, do.rewards]) for do in interventions]
+    targets = torch.from_numpy((np.stack(rewards) - centre) / deviation)  # (K, N, J)
+    targets = targets.permute(0, 2, 1).reshape(n_actions * n_terms, -1, 1)
+
+    weights = _initial_weights(n_actions * n_terms, inputs.shape[2], generator)
+    best_weights = [w.detach().clone() for w in weights]
+    best_loss = torch.full((n_actions * n_terms,), math.inf)
+    optimizer = torch.optim.Adam(weights, settings.learning_rate, fused=True)
+    order = torch.randperm(inputs.shape[1], generator=generator)
+    n_held_out = round(HELD_OUT * len(order)) if settings.patience else 0
+    held_out, train = order[:n_held_out], order[n_held_out:]
+    log_sigma_min = math.log(settings.sigma_train)
+
+    def loss(rows: Tensor) -> Tensor:
+        x = inputs[:, rows].repeat_interleave(n_terms, 0)
+        return _negative_log_likelihood(_forward(weights, x), targets[:, rows], log_sigma_min)
+
+    stale = epoch = 0
+    for epoch in range(1, settings.max_epochs + 1):
+        shuffled = train[torch.randperm(len(train), generator=generator)]
+        for rows in shuffled.split(settings.batch_size):
+            optimizer.zero_grad(set_to_none=True)
+            loss(rows).sum().backward()  # type: ignore[no-untyped-call]
+            optimizer.step()
+        on_progress(epoch / settings.max_epochs)
+        if not settings.patience:
+            continue
+        with torch.no_grad():
+            now = loss(held_out)
+            better = now < best_loss
+            best_loss = torch.where(better, now, best_loss)
+            for kept, w in zip(best_weights, weights, strict=True):
+                kept[better] = w[better]
+        stale = 0 if better.float().mean() > 0.2 else stale + 1
+        if stale >= settings.patience:
+            break
+    kept_weights = best_weights if settings.patience else [w.detach() for w in weights]
+    return RewardModels(kept_weights, mean, scale, n_terms, log_sigma_min, epoch)
+
+
+def _inputs(samples: Samples) -> Tensor:
+    return torch.from_numpy(np.concatenate([samples.states, samples.actions], axis=1))
+
+
+def _initial_weights(pairs: int, n_inputs: int, generator: torch.Generator) -> list[Tensor]:
+    weights = []
+    sizes = (n_inputs, *HIDDEN, 2)
+    for fan_in, fan_out in zip(sizes, sizes[1:], strict=False):
+        bound = 1 / math.sqrt(fan_in)  # torch.nn.Linear's own initialisation
+        for rows in (fan_in, 1):
+            uniform = torch.rand(pairs, rows, fan_out, generator=generator)
+            weights.append(((uniform * 2 - 1) * bound).requires_grad_())
+    return weights
+
+
+def _forward(weights: list[Tensor], x: Tensor) -> Tensor:
+    """(pairs, n, 2) means and log sigmas from inputs (pairs, n, d)."""
+    for kernel, bias in zip(weights[:-2:2], weights[1:-2:2], strict=True):
+        x = torch.baddbmm(bias, x, kernel).relu()
+    return torch.baddbmm(weights[-1], x, weights[-2])
+
+
+def _negative_log_likelihood(out: Tensor, target: Tensor, log_sigma_min: float) -> Tensor:
+    """(pairs,) mean negative log likelihood, up to a constant."""
+    log_sigma = out[..., 1:].clamp(log_sigma_min, LOG_SIGMA_MAX)
+    return (0.5 * ((target - out[..., :1]) / log_sigma.exp()) ** 2 + log_sigma).mean((1, 2))

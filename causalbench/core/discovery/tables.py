@@ -1,0 +1,48 @@
+"""A causal graph as tables: the paper's wide Table I and II, and one long row per (stage, reward, action)."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from causalbench.core.discovery.graph import CausalGraph
+
+
+def kl_table(graph: CausalGraph) -> pd.DataFrame:
+    """One row per (stage, reward): KL of each action in the direction used, cv, then the normalised values."""
+    rows = []
+    for stage in graph.stages:
+        kl = used_kl(graph, stage.stage)
+        for j, term in enumerate(stage.terms):
+            row: dict[str, object] = {"stage": stage.stage, "reward": term}
+            row |= dict(zip(stage.actions, kl[:, j], strict=True)) | {"cv": stage.cv[j]}  # type: ignore[index]
+            row |= {f"{a}_n": v for a, v in zip(stage.actions, stage.kl_normalised[:, j], strict=True)}  # type: ignore[index]
+            rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def used_kl(graph: CausalGraph, stage: int) -> np.ndarray:
+    """(n_actions, n_terms) KL of one stage in the direction that Algorithm 2 saw."""
+    name = {"forward": "kl", "reverse": "kl_reverse", "symmetric": "kl_symmetric"}
+    return np.asarray(getattr(graph.stages[stage - 1], name[graph.provenance["settings"]["direction"]]))
+
+
+def edge_table(graph: CausalGraph) -> pd.DataFrame:
+    """One row per (stage, reward, action): every KL, the cv, the normalised value and the decision."""
+    rows = [
+        {
+            "stage": stage.stage,
+            "reward": term,
+            "action": action,
+            "kl": stage.kl[k, j],  # type: ignore[index]
+            "kl_reverse": stage.kl_reverse[k, j],  # type: ignore[index]
+            "kl_symmetric": stage.kl_symmetric[k, j],  # type: ignore[index]
+            "cv": stage.cv[j],  # type: ignore[index]
+            "kl_n": stage.kl_normalised[k, j],  # type: ignore[index]
+            "selected": bool(stage.matrix[k, j]),
+        }
+        for stage in graph.stages
+        for j, term in enumerate(stage.terms)
+        for k, action in enumerate(stage.actions)
+    ]
+    return pd.DataFrame(rows)

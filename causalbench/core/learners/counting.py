@@ -1,0 +1,48 @@
+"""Counts of what happened during training: transitions between stages, reversals, episodes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from causalbench.core.learners.records import TrainingCounts
+
+LONG = 3  # steps that a reversal lasts to count as long
+
+
+class Counter:
+    """Feeds on the `infos` of `StageTaskVectorEnv`."""
+
+    def __init__(self, n_stages: int, n_envs: int) -> None:
+        self.counts = TrainingCounts(
+            transitions=np.zeros((n_stages + 1, n_stages + 1), dtype=np.int64),
+            reached=dict.fromkeys(range(1, n_stages + 1), 0),
+        )
+        self._best = np.zeros(n_envs, dtype=np.int64)  # highest stage of the episode so far
+        self._lost = np.zeros(n_envs, dtype=np.int64)  # stage from which the running reversal fell; 0: none
+        self._lost_for = np.zeros(n_envs, dtype=np.int64)  # steps since
+
+    def add(self, infos: dict[str, Any], over: NDArray[np.bool_]) -> None:
+        """Count one step of every world; `over` (n,) says whose episode ended with it."""
+        counts, stage, next_stage = self.counts, infos["stage"], infos["next_stage"]
+        counts.env_steps += len(over)
+        np.add.at(counts.transitions, (stage, next_stage), 1)
+        counts.reversals += int(infos["reversal"].sum())
+        counts.successes += int(infos["is_success"].sum())
+        counts.episodes += int(over.sum())
+
+        falls = infos["reversal"] & (self._lost == 0)
+        self._lost[falls], self._lost_for[falls] = stage[falls], 0
+        regained = next_stage >= self._lost
+        self._lost[regained] = 0
+        self._lost_for[self._lost > 0] += 1
+        counts.long_reversals += int(((self._lost > 0) & (self._lost_for == LONG)).sum())
+
+        reached = np.maximum(stage, next_stage)
+        for world in np.flatnonzero(reached > self._best):
+            for s in range(self._best[world] + 1, reached[world] + 1):
+                counts.reached[int(s)] += 1
+        self._best = np.where(over, 0, np.maximum(self._best, reached))
+        self._lost = np.where(over, 0, self._lost)

@@ -1,0 +1,66 @@
+"""Evaluation: full task episodes from stage 1 on fixed seeds, deterministic and sampled, and the lift-and-hold test."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from causalbench.core.env import StageTaskEnv
+from causalbench.core.learners.policy import StagedPolicy
+from causalbench.core.learners.records import Evaluation
+from causalbench.core.tasks.hold_test import lift_and_hold
+
+FIRST_SEED = 1_000_000
+"""Evaluation starts are the same for every method and seed, and apart from any training start."""
+
+
+@dataclass
+class _Outcome:
+    success: bool
+    held: bool
+    reversals: int
+    final_stage: int  # n_stages + 1 on success
+    length: int
+    returns: np.ndarray  # (n_terms,)
+
+
+def evaluate(policy: StagedPolicy, env: StageTaskEnv, episodes: int, env_steps: int, hold: bool) -> Evaluation:
+    """`episodes` deterministic and as many sampled episodes; with `hold` every deterministic success is lifted.
+
+    `env_steps` is the training step to report. The sampled episodes use the policy's own generator.
+    """
+    certain = [_episode(policy, env, FIRST_SEED + i, True, hold) for i in range(episodes)]
+    sampled = [_episode(policy, env, FIRST_SEED + i, False, False) for i in range(episodes)]
+    successes = [outcome for outcome in certain if outcome.success]
+    returns = np.mean([outcome.returns for outcome in certain], axis=0)
+    return Evaluation(
+        env_steps=env_steps,
+        episodes=episodes,
+        success_deterministic=len(successes) / episodes,
+        success_sampled=float(np.mean([outcome.success for outcome in sampled])),
+        held_rate=float(np.mean([outcome.held for outcome in successes])) if hold and successes else None,
+        reversals_per_episode=float(np.mean([outcome.reversals for outcome in certain])),
+        mean_final_stage=float(np.mean([outcome.final_stage for outcome in certain])),
+        mean_length=float(np.mean([outcome.length for outcome in certain])),
+        term_returns=dict(zip(env.reward_names, map(float, returns), strict=True)),
+    )
+
+
+def _episode(policy: StagedPolicy, env: StageTaskEnv, seed: int, deterministic: bool, hold: bool) -> _Outcome:
+    obs, _ = env.reset(seed=seed)
+    returns, reversals, length = np.zeros(len(env.reward_names)), 0, 0
+    over = False
+    info: dict[str, Any] = {}
+    while not over:
+        action, _ = policy.predict(obs, deterministic=deterministic)
+        obs, _, terminated, truncated, info = env.step(action)
+        returns += info["vector_reward"]
+        reversals += info["reversal"]
+        length += 1
+        over = terminated or truncated
+    success = bool(info["is_success"])
+    final_stage = env.task.n_stages + 1 if success else int(info["next_stage"])
+    held = hold and success and lift_and_hold(env.scene)
+    return _Outcome(success, held, reversals, final_stage, length, returns)

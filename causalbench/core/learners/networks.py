@@ -1,0 +1,59 @@
+"""Networks as plain lists of tensors: a squashed Gaussian actor and critics that run side by side.
+
+Same functions and initialisation as stable-baselines3's SAC (ReLU MLPs, log std clamped to [-20, 2]); as lists of
+tensors because all critics of an agent, twins included, are one batched matrix product per layer.
+Weights are [W1, b1, W2, b2, ...].
+"""
+
+from __future__ import annotations
+
+import math
+
+import torch
+from torch import Tensor
+
+LOG_STD_MIN, LOG_STD_MAX = -20.0, 2.0
+TANH_EPSILON = 1e-6  # as in SB3's SquashedDiagGaussianDistribution
+LOG_SQRT_2PI = 0.5 * math.log(2 * math.pi)
+
+
+def init_actor(n_inputs: int, net_arch: tuple[int, ...], n_actions: int, generator: torch.Generator) -> list[Tensor]:
+    """Weights (n_in, n_out) and biases (n_out,) of an actor whose last layer is [mean, log std]."""
+    return [w[0] for w in init_critics(1, n_inputs, net_arch, 2 * n_actions, generator)]
+
+
+def init_critics(
+    count: int, n_inputs: int, net_arch: tuple[int, ...], n_outputs: int, generator: torch.Generator
+) -> list[Tensor]:
+    """Weights (count, n_in, n_out) and biases (count, n_out) with torch.nn.Linear's initialisation."""
+    weights = []
+    sizes = (n_inputs, *net_arch, n_outputs)
+    for fan_in, fan_out in zip(sizes, sizes[1:], strict=False):
+        bound = 1 / math.sqrt(fan_in)
+        for shape in ((count, fan_in, fan_out), (count, fan_out)):
+            weights.append((torch.rand(shape, generator=generator) * 2 - 1) * bound)
+    return weights
+
+
+def actor_forward(weights: list[Tensor], obs: Tensor) -> tuple[Tensor, Tensor]:
+    """Mean and log std (batch, n_actions) of the Gaussian before squashing; `obs` (batch, n_obs)."""
+    x = obs
+    for kernel, bias in zip(weights[:-2:2], weights[1:-2:2], strict=True):
+        x = torch.addmm(bias, x, kernel).relu_()
+    mean, log_std = torch.addmm(weights[-1], x, weights[-2]).chunk(2, -1)
+    return mean, log_std.clamp(LOG_STD_MIN, LOG_STD_MAX)
+
+
+def squashed_sample(mean: Tensor, log_std: Tensor, noise: Tensor) -> tuple[Tensor, Tensor]:
+    """Action tanh(mean + std * noise) (batch, n_actions) and its log probability (batch,)."""
+    action = torch.tanh(mean + log_std.exp() * noise)
+    log_prob = -0.5 * noise**2 - log_std - LOG_SQRT_2PI - torch.log(1 - action**2 + TANH_EPSILON)
+    return action, log_prob.sum(-1)
+
+
+def critics_forward(weights: list[Tensor], inputs: Tensor) -> Tensor:
+    """Values (count, batch) of every critic; `inputs` (batch, n) shared or (count, batch, n), one per critic."""
+    x = inputs if inputs.dim() == 3 else inputs.expand(weights[0].shape[0], -1, -1)
+    for kernel, bias in zip(weights[:-2:2], weights[1:-2:2], strict=True):
+        x = torch.baddbmm(bias.unsqueeze(1), x, kernel).relu_()
+    return torch.baddbmm(weights[-1].unsqueeze(1), x, weights[-2]).squeeze(-1)

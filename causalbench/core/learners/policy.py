@@ -1,0 +1,113 @@
+"""A trained staged policy: SB3's `predict`, saved as safetensors plus JSON, loaded without unpickling anything."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from safetensors.torch import load_file, save_file
+from torch import Tensor
+
+from causalbench.core.learners.networks import actor_forward, squashed_sample
+from causalbench.errors import UserError
+
+SCHEMA = 1
+
+
+@dataclass(frozen=True)
+class ObservationScale:
+    """Declared bounds to [-1, 1]: `state` (n_state,) low and high, gripper opening [0, max] where it is observed."""
+
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+
+    @classmethod
+    def of(cls, space: Any) -> ObservationScale:
+        """From a `StageTaskEnv` observation space."""
+        parts = [space["state"]] + ([space["gripper"]] if "gripper" in space.spaces else [])
+        low, high = (np.concatenate([getattr(part, side) for part in parts]) for side in ("low", "high"))
+        return cls(tuple(map(float, low)), tuple(map(float, high)))
+
+    def __call__(self, obs: dict[str, Any]) -> Tensor:
+        """(n, n_obs) float32 network input; `obs` in batches. The networks do not read `stage`."""
+        parts = [obs["state"], obs["gripper"]] if len(self.low) > obs["state"].shape[-1] else [obs["state"]]
+        low, high = np.float32(self.low), np.float32(self.high)
+        return torch.from_numpy((np.concatenate(parts, axis=-1) - low) * (2 / (high - low)) - 1)
+
+
+class StagedPolicy:
+    """One actor per stage; observations route themselves by their `stage`."""
+
+    def __init__(
+        self,
+        actors: Sequence[list[Tensor]],
+        actions: Sequence[NDArray[np.int64]],
+        n_actions: int,
+        scale: ObservationScale,
+        seed: int = 0,
+    ) -> None:
+        self.actors, self.actions, self.n_actions, self.scale = list(actors), list(actions), n_actions, scale
+        self.generator = torch.Generator().manual_seed(seed)
+
+    def predict(
+        self,
+        observation: dict[str, Any],
+        state: tuple[NDArray[Any], ...] | None = None,
+        episode_start: NDArray[np.bool_] | None = None,
+        deterministic: bool = True,
+    ) -> tuple[NDArray[np.float32], tuple[NDArray[Any], ...] | None]:
+        """Actions for one observation (n_actions,) or a batch (n, n_actions), as SB3's `predict`; no recurrent state."""
+        del episode_start  # nothing is remembered between steps
+        stage = np.asarray(observation["stage"])
+        single = np.asarray(observation["state"]).ndim == 1
+        batched = {k: np.atleast_2d(v) for k, v in observation.items() if k != "stage"}
+        inputs, stages = self.scale(batched), stage.reshape(-1)
+        out = np.zeros((len(stages), self.n_actions), dtype=np.float32)
+        for index in np.unique(stages):
+            rows = np.flatnonzero(stages == index)
+            with torch.no_grad():
+                mean, log_std = actor_forward(self.actors[index], inputs[rows])
+                noise = torch.zeros_like(mean) if deterministic else torch.randn(mean.shape, generator=self.generator)
+                action, _ = squashed_sample(mean, log_std, noise)
+            out[np.ix_(rows, self.actions[index])] = action.numpy()
+        return (out[0] if single else out), state
+
+    def save(self, folder: Path) -> None:
+        """Write `policy.safetensors` and `policy.json` into `folder`."""
+        folder.mkdir(parents=True, exist_ok=True)
+        tensors = {f"stage{i}.{k}": w.detach().contiguous() for i, a in enumerate(self.actors, 1) for k, w in enumerate(a)}
+        save_file(tensors, folder / "policy.safetensors")
+        meta = {
+            "schema": SCHEMA,
+            "n_actions": self.n_actions,
+            "actions": [a.tolist() for a in self.actions],
+            "low": self.scale.low,
+            "high": self.scale.high,
+        }
+        (folder / "policy.json").write_text(json.dumps(meta, indent=1))
+
+
+def load_policy(folder: Path | str) -> StagedPolicy:
+    """The policy saved in `folder`. Raises `UserError` when there is none or another version wrote it."""
+    folder = Path(folder)
+    try:
+        meta = json.loads((folder / "policy.json").read_text())
+        tensors = load_file(folder / "policy.safetensors")
+    except FileNotFoundError as error:
+        raise UserError(f"{folder}: no trained policy here ({error.filename} is missing)") from error
+    if meta.get("schema") != SCHEMA:
+        raise UserError(f"{folder}: policy schema {meta.get('schema')}, expected {SCHEMA}; train again")
+    actors = []
+    for stage in range(1, len(meta["actions"]) + 1):
+        prefix = f"stage{stage}."
+        count = sum(name.startswith(prefix) for name in tensors)
+        actors.append([tensors[f"{prefix}{k}"] for k in range(count)])
+    actions = [np.array(a, dtype=np.int64) for a in meta["actions"]]
+    scale = ObservationScale(tuple(meta["low"]), tuple(meta["high"]))
+    return StagedPolicy(actors, actions, meta["n_actions"], scale)

@@ -1,0 +1,47 @@
+"""The replay buffer of one stage's agent: preallocated tensors, one reward column per critic."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+
+class Batch(NamedTuple):
+    """Sampled transitions, float32. `done` is 1 where the stage changed or the task succeeded, never at time limits."""
+
+    obs: Tensor  # (batch, n_obs)
+    actions: Tensor  # (batch, n_actions) of the agent's own actions
+    rewards: Tensor  # (batch, n_critics)
+    next_obs: Tensor  # (batch, n_obs)
+    done: Tensor  # (batch,)
+
+
+class StageBuffer:
+    """First in, first out, `capacity` transitions. `new` counts those added since training last ran."""
+
+    def __init__(self, capacity: int, n_obs: int, n_actions: int, n_critics: int) -> None:
+        self.capacity, self.size, self.position, self.new = capacity, 0, 0, 0
+        self.data = Batch(
+            torch.zeros(capacity, n_obs),
+            torch.zeros(capacity, n_actions),
+            torch.zeros(capacity, n_critics),
+            torch.zeros(capacity, n_obs),
+            torch.zeros(capacity),
+        )
+
+    def add(self, transitions: Batch) -> None:
+        """Append a batch of transitions, overwriting the oldest."""
+        n = len(transitions.done)
+        rows = (self.position + torch.arange(n)) % self.capacity
+        for store, values in zip(self.data, transitions, strict=True):
+            store[rows] = values
+        self.position = (self.position + n) % self.capacity
+        self.size = min(self.size + n, self.capacity)
+        self.new += n
+
+    def sample(self, batch_size: int, generator: torch.Generator) -> Batch:
+        """Uniform, with replacement."""
+        rows = torch.randint(self.size, (batch_size,), generator=generator)
+        return Batch(*(store[rows] for store in self.data))
