@@ -60,7 +60,9 @@ def run(
     only: Only = None,
     out: Out = None,
     jobs: Jobs = None,
-    executor: Annotated[ExecutorOption, typer.Option(help="A process per cell, or all in this one.")] = ExecutorOption.processes,
+    executor: Annotated[
+        ExecutorOption, typer.Option(help="A process per cell, or all in this one.")
+    ] = ExecutorOption.processes,
     timeout: Annotated[float | None, typer.Option(min=0.001, help="Minutes that a cell may take.")] = None,
     retry_failed: Annotated[
         bool, typer.Option(help="Run diverged and timed-out cells again, too; failed ones always are.")
@@ -100,7 +102,12 @@ def plan(
     chosen, folder, _ = _plan(suite, tier, seeds, only, out)
     estimates = estimate_seconds(chosen, folder)
     rows = [
-        {"cell": cell.id, "kind": cell.identity["kind"], "state": folder.status(cell).state, "seconds": estimates[cell.id]}
+        {
+            "cell": cell.id,
+            "kind": cell.identity["kind"],
+            "state": folder.status(cell).state,
+            "seconds": estimates[cell.id],
+        }
         for cell in chosen.cells
     ]
     if as_json:
@@ -127,7 +134,8 @@ def discover(
 
 @app.command()
 def leaderboard(
-    runs: Annotated[list[Path], typer.Argument(help="One or more run folders, ranked together.")], as_json: AsJson = False
+    runs: Annotated[list[Path], typer.Argument(help="One or more run folders, ranked together.")],
+    as_json: AsJson = False,
 ) -> None:
     """Print the leaderboard of one run, or of several that can be compared."""
     from causalbench.report.tables import merged_leaderboard

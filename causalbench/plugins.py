@@ -12,7 +12,7 @@ import importlib.util
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from types import ModuleType
-from typing import Any, Protocol, TypeVar
+from typing import Any, Protocol, TypeVar, cast
 
 import pluggy
 
@@ -143,7 +143,7 @@ def _register(manager: pluggy.PluginManager, plugin: ModuleType, row: PluginRow,
             register = functools.partial(_add, found[kind], getattr(plugins, kind))
             for implementation in caller.get_hookimpls():
                 if implementation.plugin is plugin:
-                    implementation.function(register)
+                    cast(Callable[..., None], implementation.function)(register)
     except Exception:
         # A misspelt hook left behind would make check_pending fail for every later plugin.
         manager.unregister(plugin)

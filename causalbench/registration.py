@@ -20,9 +20,7 @@ def register_envs() -> None:
     from causalbench.builtins import TASKS
 
     for task in TASKS:
-        gymnasium.register(
-            task.env_id, entry_point="causalbench.registration:make_env", kwargs={"task": task.name}
-        )
+        gymnasium.register(task.env_id, entry_point="causalbench.registration:make_env", kwargs={"task": task.name})
 
 
 def make_env(

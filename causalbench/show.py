@@ -56,7 +56,9 @@ def print_plan(rows: Sequence[Row], folder: Path, jobs: int) -> None:
     """What would run, and how long it would take with `jobs` cells at a time."""
     table = Table("cell", "kind", "state", "time", title=f"Plan for {folder}", title_justify="left")
     for row in rows:
-        table.add_row(row["cell"], row["kind"], row["state"], "" if row["seconds"] is None else f"{row['seconds']:.0f} s")
+        table.add_row(
+            row["cell"], row["kind"], row["state"], "" if row["seconds"] is None else f"{row['seconds']:.0f} s"
+        )
     _print(table)
     left = [row["seconds"] for row in rows if row["state"] != "done"]
     if None in left:

@@ -122,7 +122,12 @@ def _against(following: Entry | None, comparison: Comparison | None, seeds: int)
         return {"verdict": "nothing is ranked below"}
     verdict = f"better than {following.method}" if comparison.separated else f"not told apart from {following.method}"
     low, high = comparison.bounds
-    return {"p_better_than_next": comparison.probability, "p_better_low": low, "p_better_high": high, "verdict": verdict}
+    return {
+        "p_better_than_next": comparison.probability,
+        "p_better_low": low,
+        "p_better_high": high,
+        "verdict": verdict,
+    }
 
 
 def _mean(values: Iterable[float]) -> float | None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,7 +95,7 @@ def compare_neighbours(ordered: Sequence[Sequence[Array]], seed: int = 0) -> lis
     1 - alpha / (pairs - 1), and so on; after the first that does not exclude one half, none is separated.
     """
     rng = np.random.default_rng(seed)
-    pairs = list(zip(ordered[:-1], ordered[1:], strict=True))
+    pairs = list(pairwise(ordered))
     samples = [mean_probability_better(resample(x, rng), resample(y, rng)) for x, y in pairs]
     p_values = [2 * min((s <= 0.5).mean(), (s >= 0.5).mean()) for s in samples]
     found: dict[int, Comparison] = {}

@@ -125,7 +125,7 @@ def _return_rows(cell: StoredCell) -> Iterator[Row]:
 
 
 def _stage_rows(cell: StoredCell) -> Iterator[Row]:
-    """The funnel (training episodes that reached a stage), steps from stage to stage, and updates of each stage's agent."""
+    """Training episodes that reached a stage, steps from stage to stage, and updates of each stage's agent."""
     counts = read_counts(cell.folder / "counts.json")
     rows: list[tuple[str, int | None, int | str, int]] = [("reached", None, s, n) for s, n in counts.reached.items()]
     rows += [("transitions", i, j, n) for i, j, n in counts.transitions]

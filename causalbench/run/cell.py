@@ -15,7 +15,7 @@ from causalbench.core.scene import Scene
 from causalbench.core.tasks.task import Task
 from causalbench.errors import CausalbenchError, DivergedError
 from causalbench.plugins import installed
-from causalbench.store.cells import RunFolder, Status
+from causalbench.store.cells import RunFolder, State, Status
 from causalbench.store.files import write_folder, write_text
 from causalbench.store.records import write_counts, write_progress
 from causalbench.suite.plan import BackendIdentity, Cell, DiscoveryCell, LearnerCell
@@ -51,7 +51,7 @@ def run_cell(cell: Cell, run: RunFolder, on_progress: OnProgress) -> Status:
     except Exception as error:
         _log(folder, traceback.format_exc())
         kind = "" if isinstance(error, CausalbenchError) else f"{type(error).__name__}: "
-        state = "diverged" if isinstance(error, DivergedError) else "failed"
+        state: State = "diverged" if isinstance(error, DivergedError) else "failed"
         status = Status(state, f"{kind}{error}", time.monotonic() - started)
     run.finish(cell, status)
     return status
@@ -74,7 +74,11 @@ def _discover(cell: DiscoveryCell, folder: Path, on_progress: OnProgress) -> int
 
     task = installed().task(cell.task.name)
     graph = discover(
-        task, scene_factory(cell.backend), cell.settings, cell.seed, lambda share, text: on_progress(Progress(share, text))
+        task,
+        scene_factory(cell.backend),
+        cell.settings,
+        cell.seed,
+        lambda share, text: on_progress(Progress(share, text)),
     )
     write_graph(folder, graph)
     return graph.env_steps
@@ -137,7 +141,10 @@ class _Watcher:
         write_progress(self.folder / "progress.csv", self.evaluations)
         self.success = evaluation.success_deterministic
         self.reversals = 1000 * counts.reversals / max(counts.env_steps, 1)
-        _log(self.folder, f"step {evaluation.env_steps}: success {self.success:.2f}, final stage {evaluation.mean_final_stage:.2f}\n")
+        _log(
+            self.folder,
+            f"step {evaluation.env_steps}: success {self.success:.2f}, final stage {evaluation.mean_final_stage:.2f}\n",
+        )
 
     def on_progress(self, fraction: float, text: str) -> None:
         """Hand on how far training is."""

@@ -44,7 +44,7 @@ def serial(cells: Sequence[Cell], run: RunFolder, on_progress: OnCellProgress) -
 def processes(
     cells: Sequence[Cell], run: RunFolder, on_progress: OnCellProgress, jobs: int, timeout: float | None = None
 ) -> Outcomes:
-    """One process per cell, `jobs` at a time; a crash, a kill or a hang beyond `timeout` seconds ends that cell only."""
+    """One process per cell, `jobs` at a time; a crash, a kill or `timeout` seconds end that cell only."""
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(PRELOAD)
     waiting, running = list(cells), list[_Running]()
@@ -132,7 +132,7 @@ def _receive(running: Sequence[_Running], on_progress: OnCellProgress) -> None:
     """Wait until a cell reports or ends, but not beyond a deadline, and hand on what was reported."""
     by_link = {job.link: job for job in running}
     wait = min((job.deadline for job in running), default=0.0) - time.monotonic()
-    watched = [*by_link, *(job.process.sentinel for job in running)]
+    watched: list[Connection | int] = [*by_link, *(job.process.sentinel for job in running)]
     for ready in multiprocessing.connection.wait(watched, None if wait == float("inf") else max(wait, 0.0)):
         if isinstance(ready, Connection):
             try:

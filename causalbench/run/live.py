@@ -16,7 +16,14 @@ from causalbench.run.cell import Progress
 from causalbench.store.cells import RunFolder, Status
 from causalbench.suite.plan import Cell, DiscoveryCell
 
-COLOURS = {"done": "green", "failed": "red", "diverged": "red", "timeout": "red", "skipped": "yellow", "running": "cyan"}
+COLOURS = {
+    "done": "green",
+    "failed": "red",
+    "diverged": "red",
+    "timeout": "red",
+    "skipped": "yellow",
+    "running": "cyan",
+}
 
 
 class View(Protocol):
@@ -78,7 +85,9 @@ class LineView:
 
     def on_outcome(self, cell: Cell, status: Status) -> None:
         """Print how the cell ended."""
-        self._print(f"{label(cell)}: {status.state} after {status.seconds:.1f} s{': ' * bool(status.reason)}{status.reason}")
+        self._print(
+            f"{label(cell)}: {status.state} after {status.seconds:.1f} s{': ' * bool(status.reason)}{status.reason}"
+        )
 
     def end(self) -> None:
         """Nothing."""

@@ -48,7 +48,7 @@ class Execution:
 
 def run_plan(
     plan: Plan, run: RunFolder, file: SuiteFile, plugins: Plugins, execution: Execution, view: View,
-    after: Callable[[], None],
+    after: Callable[[], object],
 ) -> None:  # fmt: skip
     """Run what `plan` lacks in `run`, calling `after` at the end, even an interrupted one, while the folder is claimed.
 
@@ -71,13 +71,13 @@ def run_plan(
 
 
 def to_do(plan: Plan, run: RunFolder, retry: bool) -> list[Cell]:
-    """The cells that are missing or failed, discoveries first; with `retry` also the other final ones that are not done."""
+    """The cells that are missing or failed; with `retry` also the diverged and timed-out ones."""
     keep = {"done"} if retry else FINAL
     return [cell for cell in plan.cells if run.status(cell).state not in keep]
 
 
 def estimate_seconds(plan: Plan, run: RunFolder) -> dict[str, float | None]:
-    """Cell id -> seconds it took or will take, from steps per second measured in `run`; None if nothing was measured."""
+    """Cell id -> seconds it took, or will take at the speed measured in `run`; None if nothing was measured."""
     speeds: dict[tuple[str, str], float] = {}
     for stored in run.cells():
         if stored.status.state == "done" and stored.status.seconds:
@@ -127,6 +127,7 @@ def _cpu() -> str:
 
 def _git() -> dict[str, Any] | None:
     """Commit of causalbench's own source and whether it was changed; None if it does not come from a git checkout."""
+
     def git(*arguments: str) -> str:
         return subprocess.run(
             ["git", *arguments], cwd=Path(__file__).parent, capture_output=True, text=True, check=True, timeout=10

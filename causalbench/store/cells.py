@@ -72,12 +72,16 @@ class RunFolder:
                 (self.path / name).mkdir(parents=True, exist_ok=True)
             lock = (self.path / ".lock").open("w")
         except OSError as error:
-            raise RunFolderError(f"{self.path}: cannot be written ({error.strerror}); choose another with --out") from error
+            raise RunFolderError(
+                f"{self.path}: cannot be written ({error.strerror}); choose another with --out"
+            ) from error
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
             lock.close()
-            raise RunFolderError(f"{self.path}: another command is running here; wait or choose another --out") from error
+            raise RunFolderError(
+                f"{self.path}: another command is running here; wait or choose another --out"
+            ) from error
         return lock
 
     def folder(self, cell: Identified) -> Path:
@@ -115,7 +119,9 @@ def read_cell(folder: Path) -> StoredCell:
     """The cell in `folder`. Raises `RunFolderError` when another version of causalbench wrote it."""
     content = json.loads((folder / "cell.json").read_text(encoding="utf-8"))
     if content.pop("schema", None) != SCHEMA:
-        raise RunFolderError(f"{folder}: written by another version of causalbench; run the suite again with a new --out")
+        raise RunFolderError(
+            f"{folder}: written by another version of causalbench; run the suite again with a new --out"
+        )
     return StoredCell(content.pop("id"), content, _read_status(folder), folder)
 
 

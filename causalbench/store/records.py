@@ -1,4 +1,4 @@
-"""What a finished cell reports, as files: `progress.csv` and `counts.json` of a learner, `graph.json` of a discovery."""
+"""What a learner cell reports, as files: `progress.csv`, one row an evaluation, and `counts.json`."""
 
 from __future__ import annotations
 

@@ -23,7 +23,9 @@ class PositionedYaml:
             self._root = yaml.compose(self.text, Loader=yaml.SafeLoader)
             self.data: Any = yaml.safe_load(self.text)
         except (OSError, UnicodeDecodeError) as error:
-            raise SuiteError(f"{path}: cannot be read ({error}); expected a suite file such as suites/pure_manip.yaml") from error
+            raise SuiteError(
+                f"{path}: cannot be read ({error}); expected a suite file such as suites/pure_manip.yaml"
+            ) from error
         except yaml.MarkedYAMLError as error:
             line = error.problem_mark.line + 1 if error.problem_mark else 1
             raise SuiteError(f"{path}:{line}: not valid YAML: {error.problem}") from error

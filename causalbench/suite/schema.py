@@ -176,12 +176,11 @@ def _known_keys(parent: Location) -> tuple[str, ...]:
     """The keys that may stand below `parent`."""
     if parent and parent[-1] in PATCHES:
         return PATCHES[str(parent[-1])].keys
-    model = {"tiers": Tier, "per_method": PerMethod, "per_backend": PerBackend}.get(str(parent[0])) if parent else Suite
-    return tuple(field.alias or name for name, field in (model or Suite).model_fields.items())
+    below: dict[str, type[_Model]] = {"tiers": Tier, "per_method": PerMethod, "per_backend": PerBackend}
+    model = below[str(parent[0])] if parent else Suite
+    return tuple(field.alias or name for name, field in model.model_fields.items())
 
 
 def _guess(name: str, known: Iterable[str]) -> str:
     close = difflib.get_close_matches(name, list(known), n=1)
     return f" Did you mean {close[0]!r}?" if close else ""
-
-
