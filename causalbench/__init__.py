@@ -1,12 +1,15 @@
 """causalbench: does knowing which actions cause which rewards make multi-stage robot tasks learnable?
 
-Names are imported on first use, so that `import causalbench` costs nothing.
+Names are imported on first use, so that `import causalbench` costs next to nothing; it also makes the environments
+known to `gymnasium.make`, as does `gymnasium.make("causalbench:causalbench/PureManipulation-v0")` by itself.
 """
 
 from __future__ import annotations
 
 import importlib
 from typing import TYPE_CHECKING, Any
+
+from causalbench.registration import register_with_gymnasium
 
 if TYPE_CHECKING:
     from causalbench.core.discovery.pipeline import discover as discover
@@ -20,6 +23,9 @@ _HOME = {
     "make_env": "causalbench.registration",
     "train": "causalbench.core.learners.training",
 }
+
+
+register_with_gymnasium()
 
 
 def __getattr__(name: str) -> Any:

@@ -78,7 +78,12 @@ def run(
 
     plan, folder, file = _plan(suite, tier, seeds, only, out)
     seconds = None if timeout is None else 60 * timeout
-    _execute(plan, folder, file, Execution(executor.value, jobs or _cores(), seconds, retry_failed), quiet or as_json)
+    execution = Execution(executor.value, jobs or _cores(), seconds, retry_failed)
+    try:
+        _execute(plan, folder, file, execution, quiet or as_json)
+    except KeyboardInterrupt:
+        typer.echo("stopped; the same command continues with what is missing", err=True)
+        raise typer.Exit(EXIT_INTERRUPTED) from None
     states = [folder.status(cell).state for cell in plan.cells]
     _print_run(plan, folder, as_json)
     if any(state != "done" for state in states):

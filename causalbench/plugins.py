@@ -116,7 +116,8 @@ def load_plugins() -> Plugins:
     manager = pluggy.PluginManager("causalbench")
     manager.add_hookspecs(hookspecs)
     own = PluginRow(OWN_DISTRIBUTION, causalbench.__version__)
-    for row, load in [(own, lambda: builtins), *_entry_points()]:
+    sources: list[tuple[PluginRow, Callable[[], ModuleType]]] = [(own, lambda: builtins), *_entry_points()]
+    for row, load in sources:
         try:
             _register(manager, load(), row, plugins)
         except Exception as error:  # a stranger's code may raise anything

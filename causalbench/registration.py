@@ -1,26 +1,67 @@
-"""Environments by name: `make_env`, and the ids that `gymnasium.make` knows."""
+"""Environments by name: `make_env`, and the ids that `gymnasium.make` knows once causalbench is imported."""
 
 from __future__ import annotations
 
+import importlib.util
+import sys
+from collections.abc import Sequence
+from importlib.abc import MetaPathFinder
+from importlib.machinery import ModuleSpec
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
-
-from causalbench.plugins import installed
 
 if TYPE_CHECKING:
     from causalbench.core.env import StageTaskEnv
 
 
 def register_envs() -> None:
-    """Register the built-in tasks in Gymnasium, which calls this when it is imported.
+    """Register the built-in tasks in Gymnasium; imports no simulator, no torch and no plugin.
 
-    So it imports no simulator, no torch and no plugin; a plugin's task is reached through `make_env(task=...)`.
+    A plugin's task is reached through `make_env(task=...)`.
     """
     import gymnasium
 
     from causalbench.builtins import TASKS
 
     for task in TASKS:
-        gymnasium.register(task.env_id, entry_point="causalbench.registration:make_env", kwargs={"task": task.name})
+        if task.env_id not in gymnasium.registry:
+            gymnasium.register(
+                task.env_id, entry_point="causalbench.registration:make_env", kwargs={"task": task.name}
+            )
+
+
+def register_with_gymnasium() -> None:
+    """Call `register_envs` now if Gymnasium is imported, else as soon as it is.
+
+    Gymnasium 1 has no entry point for environments, and importing it takes longer than all of `causalbench --help`.
+    """
+    if "gymnasium" in sys.modules:
+        register_envs()
+    else:
+        sys.meta_path.insert(0, _GymnasiumWatch())
+
+
+class _GymnasiumWatch(MetaPathFinder):
+    """Finds nothing itself; lets the import of `gymnasium` be followed by `register_envs`, once."""
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        """The spec that the other finders give for gymnasium; None for all else."""
+        if fullname != "gymnasium":
+            return None
+        sys.meta_path.remove(self)
+        spec = importlib.util.find_spec(fullname)
+        if spec is None or spec.loader is None:
+            return spec
+        execute = spec.loader.exec_module
+
+        def execute_and_register(module: ModuleType) -> None:
+            execute(module)
+            register_envs()
+
+        spec.loader.exec_module = execute_and_register  # type: ignore[method-assign]
+        return spec
 
 
 def make_env(
@@ -36,7 +77,8 @@ def make_env(
     its simulator.
     """
     from causalbench.core.env import StageTaskEnv
+    from causalbench.plugins import installed
 
     plugins = installed()
-    scene = plugins.backend(backend).make(**backend_options)
-    return StageTaskEnv(plugins.task(task), scene, render_mode, observe_gripper)
+    chosen = plugins.task(task)
+    return StageTaskEnv(chosen, plugins.backend(backend).make(**backend_options), render_mode, observe_gripper)

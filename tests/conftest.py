@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import pytest
 
@@ -42,3 +43,23 @@ def make_pure(make_scene: Callable[[], Scene]) -> Callable[..., StageTaskEnv]:
         return StageTaskEnv(TASK, make_scene(), **options)
 
     return make
+
+
+@pytest.fixture
+def install(tmp_path: Path) -> Callable[[str, str], Path]:
+    """A function (distribution, source of its module) that installs a fake plugin, version 1.0.
+
+    It returns the folder that must be on the search path for it to be found.
+    """
+    site = tmp_path / "site"
+
+    def write(distribution: str, source: str) -> Path:
+        module = distribution.replace("-", "_")
+        info = site / f"{module}-1.0.dist-info"
+        info.mkdir(parents=True)
+        (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {distribution}\nVersion: 1.0\n")
+        (info / "entry_points.txt").write_text(f"[causalbench]\n{module} = {module}\n")
+        (site / f"{module}.py").write_text(source)
+        return site
+
+    return write

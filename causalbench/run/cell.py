@@ -88,7 +88,7 @@ def write_graph(folder: Path, graph: CausalGraph) -> None:
     """Write `graph.json` and the paper's table of KL values, `kl.csv`."""
     from causalbench.core.discovery.tables import kl_table
 
-    write_text(folder / "kl.csv", kl_table(graph).to_csv(lineterminator="\n"))
+    write_text(folder / "kl.csv", kl_table(graph).to_csv(index=False, lineterminator="\n"))
     write_text(folder / "graph.json", graph.to_json() + "\n")
 
 
