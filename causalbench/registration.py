@@ -25,9 +25,7 @@ def register_envs() -> None:
 
     for task in TASKS:
         if task.env_id not in gymnasium.registry:
-            gymnasium.register(
-                task.env_id, entry_point="causalbench.registration:make_env", kwargs={"task": task.name}
-            )
+            gymnasium.register(task.env_id, entry_point="causalbench.registration:make_env", kwargs={"task": task.name})
 
 
 def register_with_gymnasium() -> None:

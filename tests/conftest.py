@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -63,3 +65,42 @@ def install(tmp_path: Path) -> Callable[[str, str], Path]:
         return site
 
     return write
+
+
+TINY = """\
+schema: 1
+name: tiny
+task: pure_manipulation
+backends: [kinematic]
+methods: [cmSAC, mSAC]
+tiers:
+  smoke: {seeds: 1, env_steps: 120}
+evaluation: {every: 60, episodes: 1, final_episodes: 1}
+# Every action whose KL is not 0 counts: 20 samples find no cause, and a cause is what cmSAC needs to run at all.
+discovery: {training_count: 20, max_epochs: 1, sequence_length: 5, placebo_gate: 0, epsilon_cv: 1000, epsilon_direct: 0}
+learner: {learning_starts: 20, net_arch: [8], batch_size: 8}
+"""
+"""A suite that runs in seconds on the kinematic backend."""
+
+
+@pytest.fixture(scope="session")
+def tiny_suite(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("suite") / "tiny.yaml"
+    path.write_text(TINY)
+    return path
+
+
+@pytest.fixture(scope="session")
+def command() -> list[str]:
+    """How to start the command line: the installed script, or the module where there is only a search path."""
+    script = Path(sys.executable).with_name("causalbench")
+    return [str(script)] if script.exists() else [sys.executable, "-m", "causalbench"]
+
+
+@pytest.fixture(scope="session")
+def finished_run(tiny_suite: Path, command: list[str], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of an uninterrupted run of the tiny suite; tests must not change it."""
+    out = tmp_path_factory.mktemp("run") / "whole"
+    arguments = ["run", str(tiny_suite), "--tier", "smoke", "--out", str(out), "--jobs", "2"]
+    subprocess.run([*command, *arguments], capture_output=True, text=True, check=True)
+    return out

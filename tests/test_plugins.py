@@ -22,7 +22,7 @@ def causalbench_backends(register):
 NOT_IMPORTABLE = "import a_simulator_that_is_not_here"
 MISSPELT = GOOD.replace("causalbench_backends", "causalbench_backend").replace('"toy"', '"other"')
 TAKEN = GOOD.replace('"toy"', '"kinematic"')
-CRASHING = GOOD.replace('register(', 'register(1 / 0, ')
+CRASHING = GOOD.replace("register(", "register(1 / 0, ")
 
 
 def load(monkeypatch: pytest.MonkeyPatch, site: Path) -> Plugins:
@@ -73,7 +73,9 @@ def test_a_backend_without_its_simulator_names_the_install_command(
 
 def test_a_backend_whose_plugin_is_broken_says_so(install: Install, monkeypatch: pytest.MonkeyPatch) -> None:
     plugins = load(monkeypatch, install("causalbench-newsim", NOT_IMPORTABLE))
-    with pytest.raises(BackendLoadError, match=r"backend 'newsim': its plugin causalbench-newsim 1.0 could not be loaded"):
+    with pytest.raises(
+        BackendLoadError, match=r"backend 'newsim': its plugin causalbench-newsim 1.0 could not be loaded"
+    ):
         plugins.backend("newsim")
 
 

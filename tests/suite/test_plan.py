@@ -67,7 +67,9 @@ def test_the_order_of_keys_and_lists_and_other_cells_do_not_change_an_id(tmp_pat
     assert ids(plan(tmp_path, plugins, seeds=1)) < ids(plan(tmp_path, plugins))
 
 
-def test_a_discovery_setting_changes_the_ids_of_the_learners_that_need_the_graph(tmp_path: Path, plugins: Plugins) -> None:
+def test_a_discovery_setting_changes_the_ids_of_the_learners_that_need_the_graph(
+    tmp_path: Path, plugins: Plugins
+) -> None:
     before, after = plan(tmp_path, plugins), plan(tmp_path, plugins, SUITE + "discovery: {patience: 4}\n")
     changed = {cell.id.rsplit("-", 2)[0] for cell in before.cells if cell.id not in ids(after)}
     assert changed == {"pure_manipulation-kinematic", "pure_manipulation-kinematic-cmSAC"}
@@ -104,7 +106,11 @@ def test_overrides_apply_from_suite_to_backend_to_method_to_tier(tmp_path: Path,
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("[kinematic]", "[kinematik]", "demo.yaml:4: backends.0: unknown backend 'kinematik'. Did you mean 'kinematic'?"),
+        (
+            "[kinematic]",
+            "[kinematik]",
+            "demo.yaml:4: backends.0: unknown backend 'kinematik'. Did you mean 'kinematic'?",
+        ),
         ("cmmSAC", "cmmSACK", "demo.yaml:5: methods.1: unknown method 'cmmSACK'. Did you mean 'cmmSAC'?"),
         ("task: pure_m", "task: pur_m", "demo.yaml:3: task: unknown task 'pur_manipulation'. Did you mean"),
     ],
