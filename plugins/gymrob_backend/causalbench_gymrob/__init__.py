@@ -1,0 +1,30 @@
+"""Gymnasium-Robotics' Fetch in MuJoCo as a causalbench scene. Importing this imports no simulator."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from causalbench.hookspecs import Backend, hookimpl
+
+if TYPE_CHECKING:
+    from causalbench.core.scene import Scene
+
+
+def make(control_hz: float = 10.0, timestep: float = 0.005) -> Scene:
+    """A new scene that takes `control_hz` actions per second and integrates in steps of `timestep` seconds.
+
+    Raises `BrokenVersionError` when the installed simulator is a version that is known not to work.
+    """
+    from causalbench_gymrob.versions import check_versions
+
+    check_versions()  # before the import below: a broken version may fail in it with an obscure message
+    from causalbench_gymrob.scene import GymrobScene
+
+    return GymrobScene(control_hz, timestep)
+
+
+@hookimpl
+def causalbench_backends(register: Callable[[Backend], None]) -> None:
+    """Register the backend "gymrob"."""
+    register(Backend("gymrob", make, "MuJoCo", "Fetch", ("mujoco", "gymnasium_robotics")))

@@ -1,0 +1,222 @@
+"""`GymrobScene`: Fetch behind the `Scene` contract. The model is in `model.py`, what is read back in `reading.py`."""
+
+from __future__ import annotations
+
+import math
+from importlib import metadata
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from causalbench.core import arm_ik, rotations
+from causalbench.core.layout import Layout, Workspace
+from causalbench.core.scene import ACTION_SPEED, Facts, Scene, SceneSpec, check_action
+from causalbench.errors import CausalbenchError, UnreachableLayoutError, UserError
+from causalbench_gymrob import reading, snapshot
+from causalbench_gymrob.model import FINGER_RANGE, FINGER_STROKE
+from causalbench_gymrob.world import World
+
+Array = NDArray[np.float64]
+
+ACTIONS = ("armx", "army", "armz", "armrx", "armry", "armrz", "grip")
+WORKSPACE = Workspace(
+    table_height=0.60,
+    object_low=(0.68, -0.15),
+    object_high=(0.80, 0.15),
+    hand_low=(0.70, -0.15, 0.78),
+    hand_high=(0.80, 0.15, 0.88),
+)
+"""Result of `python -m causalbench_gymrob.reach_scan`; see the README."""
+
+HOLDING_FORCE = 5.0  # N of each pad on the object: two and a half times the weight of the task's box
+GRIP_LEAD = 0.015  # m by which a finger's target may run ahead of the finger: 30 N of grip
+SETTLE = 0.1  # s of simulation after a reset, for contacts to take their load
+SETTLE_POSITION, SETTLE_ANGLE = 1e-3, math.radians(0.5)  # how far a settled start may lie off its layout
+ARM_STARTS = tuple(
+    np.array([pan, *rest])
+    for rest in ((-0.8, 0.0, 1.9, 0.0, -0.5, 0.0), (-0.3, 0.0, 1.3, 0.0, 0.6, 0.0), (0.4, 0.0, 0.8, 0.0, 0.4, 0.0))
+    for pan in (0.0, -0.5, 0.5)
+)
+"""Joint angles (rad) from which a reset looks for its pose, elbow up, in this order."""
+
+
+class GymrobScene(Scene):
+    """Fetch and one free box among fixtures. Holds the state after `mj_step1`: poses and contacts are fresh."""
+
+    def __init__(self, control_hz: float = 10.0, timestep: float = 0.005) -> None:
+        self._substeps = round(1.0 / (control_hz * timestep))
+        if self._substeps < 1 or abs(self._substeps * timestep * control_hz - 1.0) > 1e-9:
+            raise UserError(f"one control step at {control_hz} Hz must be a whole number of timesteps of {timestep} s")
+        arm_ik.announce()
+        self._world = World(timestep, n_fixtures=1)
+        self.spec = SceneSpec(
+            backend="gymrob",
+            backend_version="0.1.0",
+            engine="MuJoCo",
+            engine_version=metadata.version("mujoco"),
+            robot="Fetch",
+            actions=ACTIONS,
+            action_speed=tuple(ACTION_SPEED[name] for name in ACTIONS),
+            workspace=WORKSPACE,
+            max_opening=self._world.gap + 2 * FINGER_STROKE,
+            control_dt=self._substeps * timestep,
+            timestep=timestep,
+            capabilities=frozenset({"exact_restore", "physics", "rgb"}),
+        )
+        self._digest = snapshot.spec_digest(self.spec)
+        self._stride = np.array(self.spec.action_speed) * self.spec.control_dt
+        self._layout: Layout | None = None
+        self._pad_forces = np.zeros(2)
+        self._renderer: mujoco.Renderer | None = None
+
+    def reset(self, layout: Layout) -> None:
+        """Put the world into `layout`, at rest.
+
+        Raises `UnreachableLayoutError` when the arm cannot take the pose, or when the start is not at rest because
+        things overlap.
+        """
+        base = rotations.conjugate(rotations.from_axis_angle(2, layout.base_pose[2]))
+        origin = np.array([*layout.base_pose[:2], 0.0])
+        joints = arm_ik.solve(
+            self._world.chain,
+            rotations.rotate(base, layout.eef_position - origin),
+            _matrix(rotations.multiply(base, layout.eef_quaternion)),
+            ARM_STARTS,
+        )
+        self._enter(layout)
+        world = self._world
+        mujoco.mj_resetData(world.model, world.data)
+        finger = min(max((layout.gripper_opening - world.gap) / 2, 0.0), FINGER_STROKE)
+        for address, servo, value in (
+            (world.base, world.base_servos, layout.base_pose),
+            (world.arm, world.arm_servos, joints),
+            (world.fingers, world.finger_servos, finger),
+        ):
+            world.qpos[address] = value
+            world.ctrl[servo] = value
+        world.qpos[world.free : world.free + 3] = layout.target.position
+        world.qpos[world.free + 3 : world.free + 7] = layout.target.quaternion
+        mujoco.mj_step(world.model, world.data, max(1, round(SETTLE / self.spec.timestep)))
+        world.data.time = 0.0
+        self._refresh()
+        self._check_settled(layout)
+
+    def step(self, action: Array) -> None:
+        """Advance by one `spec.control_dt`; `action` (7,) in [-1, 1]. Raises `InvalidActionError`."""
+        delta = check_action(action, (len(ACTIONS),)) * self._stride
+        world = self._world
+        ctrl = world.ctrl
+        target = ctrl[world.arm_servos]
+        arm_ik.follow(world.chain, target, world.qpos[world.arm], delta, self.spec.control_dt)
+        ctrl[world.arm_servos] = target
+        if delta[6] != 0.0:
+            self._move_fingers(delta[6])
+        # The first half of the first substep was done at the end of the last control step.
+        mujoco.mj_step2(world.model, world.data)
+        if self._substeps > 1:
+            mujoco.mj_step(world.model, world.data, self._substeps - 1)
+        self._refresh()
+
+    def facts(self) -> Facts:
+        """What holds now. `holding` goes by the pad forces of the last substep, all else by the state after it."""
+        world, contact = self._world, self._world.data.contact
+        flags = np.empty(3, dtype=np.bool_)
+        reading.contact_flags(contact.geom, contact.dist, world.classes, flags)
+        x = np.empty(20)
+        reading.poses(
+            world.hand_position, world.hand_matrix, world.qpos, world.qvel,
+            world.base, world.fingers, world.free, world.gap, x,
+        )  # fmt: skip
+        return Facts(
+            eef_position=x[0:3],
+            eef_quaternion=x[3:7],
+            gripper_opening=x[7],
+            holding=self._pad_forces.min() > HOLDING_FORCE,
+            object_position=x[8:11],
+            object_quaternion=x[11:15],
+            base_pose=x[15:18],
+            base_velocity=x[18:20],
+            collision_base=flags[0],
+            collision_arm=flags[1],
+            collision_self=flags[2],
+        )
+
+    def snapshot(self) -> bytes:
+        """Layout, MuJoCo's integration state (servo targets included) and the pad forces."""
+        if self._layout is None:
+            raise CausalbenchError("call reset() before snapshot()")
+        return snapshot.pack(self._digest, self._layout, np.concatenate([self._pad_forces, self._world.save()]))
+
+    def restore(self, snapshot_bytes: bytes) -> None:
+        """Return to a snapshot, bit for bit. Raises `SnapshotError`."""
+        n_state = len(self._pad_forces) + len(self._world.state)
+        layout, state = snapshot.unpack(self._digest, snapshot_bytes, n_state)
+        self._enter(layout)
+        self._world.load(state[2:])
+        self._pad_forces[:] = state[:2]
+
+    def render(self, width: int, height: int, camera: str = "scene") -> NDArray[np.uint8]:
+        """RGB image (height, width, 3) of the camera "scene" or of one of Fetch's own, such as "head_camera_rgb"."""
+        if self._renderer is None or (self._renderer.height, self._renderer.width) != (height, width):
+            self._close_renderer()
+            visual = self._world.model.vis.global_
+            visual.offwidth, visual.offheight = max(visual.offwidth, width), max(visual.offheight, height)
+            self._renderer = mujoco.Renderer(self._world.model, height, width)
+        self._renderer.update_scene(self._world.data, camera)
+        return np.asarray(self._renderer.render(), dtype=np.uint8)
+
+    def close(self) -> None:
+        """Release the renderer; may be called twice."""
+        self._close_renderer()
+
+    def _close_renderer(self) -> None:
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
+
+    def _enter(self, layout: Layout) -> None:
+        """Give the world the boxes of `layout`; another number of fixtures needs another model."""
+        if len(layout.fixtures) != len(self._world.fixtures):
+            self._close_renderer()
+            self._world = World(self.spec.timestep, len(layout.fixtures))
+        self._world.furnish(layout.fixtures, layout.target, layout.target_mass)
+        self._layout = layout
+
+    def _refresh(self) -> None:
+        """Keep the forces of the substep just solved, then bring poses and contacts up to the new positions."""
+        world, data = self._world, self._world.data
+        contact = data.contact
+        reading.pad_forces(contact.geom, contact.efc_address, data.efc_force, world.classes, self._pad_forces)
+        mujoco.mj_step1(world.model, data)
+
+    def _move_fingers(self, closing: float) -> None:
+        """Bring the pads' targets together by `closing` metres, both alike so that the grip stays centred.
+
+        A finger's target never runs more than `GRIP_LEAD` ahead of it: the grip is firm, and opening starts at once.
+        """
+        world = self._world
+        finger = world.qpos[world.fingers].sum() / 2
+        target = world.ctrl[world.finger_servos[0]] - closing / 2
+        target = min(max(target, finger - GRIP_LEAD), finger + GRIP_LEAD)
+        world.ctrl[world.finger_servos] = min(max(target, FINGER_RANGE[0]), FINGER_RANGE[1])
+
+    def _check_settled(self, layout: Layout) -> None:
+        facts = self.facts()
+        off = max(
+            np.abs(facts.eef_position - layout.eef_position).max(),
+            np.abs(facts.object_position - layout.target.position).max(),
+        )
+        turned = max(
+            float(rotations.angle_between(facts.eef_quaternion, layout.eef_quaternion)),
+            float(rotations.angle_between(facts.object_quaternion, layout.target.quaternion)),
+        )
+        if off > SETTLE_POSITION or turned > SETTLE_ANGLE:
+            raise UnreachableLayoutError(
+                f"the start does not stay where the layout puts it: it moves by {off:.2g} m and {turned:.2g} rad"
+            )
+
+
+def _matrix(quaternion: Array) -> Array:
+    """Rotation matrix (3, 3) of a unit quaternion (4,)."""
+    return np.column_stack([rotations.rotate(quaternion, axis) for axis in np.eye(3)])
