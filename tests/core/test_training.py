@@ -3,6 +3,7 @@
 import dataclasses
 import subprocess
 import sys
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -74,8 +75,8 @@ def test_a_discovered_graph_is_needed_and_checked():
     silent = [lambda *a: None] * 2
     with pytest.raises(InvalidGraphError, match="needs a discovered causal graph"):
         train(TASK, make, METHOD["cmSAC"], None, TINY, ONE_LOOK, 10, 0, *silent)
+    wrong = dataclasses.replace(graph, task_version=7)
     with pytest.raises(InvalidGraphError, match="not pure_manipulation v0"):
-        wrong = dataclasses.replace(graph, task_version=7)
         train(TASK, make, METHOD["cmSAC"], wrong, TINY, ONE_LOOK, 10, 0, *silent)
 
 
@@ -152,7 +153,7 @@ def _infos(stage, next_stage, success=False):
 def test_counter_tells_long_reversals_from_chatter():
     counter = Counter(4, 1)
     walk = [1, 2, 1, 2, 1, 1, 1, 1, 2, 3, 4]  # one chatter, then a reversal of four steps
-    for before, after in zip(walk, walk[1:], strict=False):
+    for before, after in pairwise(walk):
         counter.add(_infos(before, after), np.array([False]))
     counter.add(_infos(4, 4, success=True), np.array([True]))
     counter.add(_infos(1, 2), np.array([True]))  # another episode
@@ -202,8 +203,8 @@ def test_policy_round_trip_and_sb3s_own_evaluation(tmp_path):
     mean, _ = evaluate_policy(loaded, vec, n_eval_episodes=2, warn=False)
     assert np.isfinite(mean)
     code = (
-        "import sys\nfrom causalbench.core.learners.policy import load_policy\n"
-        f"p = load_policy({str(tmp_path / 'policy')!r})\nassert 'pickle' not in p.__class__.__module__\nprint(p.n_actions)"
+        "from causalbench.core.learners.policy import load_policy\n"
+        f"print(load_policy({str(tmp_path / 'policy')!r}).n_actions)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "7"
