@@ -1,3 +1,38 @@
-"""causalbench: does knowing which actions cause which rewards make multi-stage robot tasks learnable?"""
+"""causalbench: does knowing which actions cause which rewards make multi-stage robot tasks learnable?
+
+Names are imported on first use, so that `import causalbench` costs next to nothing; it also makes the environments
+known to `gymnasium.make`, as does `gymnasium.make("causalbench:causalbench/PureManipulation-v0")` by itself.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+from causalbench.registration import register_with_gymnasium
+
+if TYPE_CHECKING:
+    from causalbench.core.discovery.pipeline import discover as discover
+    from causalbench.core.learners.training import train as train
+    from causalbench.registration import make_env as make_env
 
 __version__ = "0.1.0"
+
+_HOME = {
+    "discover": "causalbench.core.discovery.pipeline",
+    "make_env": "causalbench.registration",
+    "train": "causalbench.core.learners.training",
+}
+
+
+register_with_gymnasium()
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'causalbench' has no attribute {name!r}")
+    return getattr(importlib.import_module(_HOME[name]), name)
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *_HOME])

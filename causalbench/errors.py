@@ -54,3 +54,11 @@ class InvalidGraphError(UserError):
 
 class DivergedError(CausalbenchError):
     """Raised when a loss or a weight is no longer finite: the cell ends as `diverged`."""
+
+
+class SuiteError(UserError):
+    """Raised when a suite file has a mistake; the message starts with file, line and key."""
+
+
+class RunFolderError(UserError):
+    """Raised when a run folder cannot be written, is in use, or holds what cannot be compared with the new cells."""

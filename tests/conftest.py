@@ -1,18 +1,30 @@
-"""Backends under test. A backend joins every protocol test by its name in `BACKENDS`."""
+"""Settings that every test shares."""
 
-from __future__ import annotations
-
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
 
 import pytest
+import torch
 
 from causalbench.core.env import StageTaskEnv
-from causalbench.core.kinematic import KinematicScene
 from causalbench.core.scene import Scene
-from causalbench.core.tasks.pure_manipulation import TASK
+from causalbench.plugins import installed
+from causalbench.registration import make_env
 
-# Named, not looked up: a plugin that is not installed must fail here, never go missing.
-BACKENDS = ("kinematic",)
+# Two threads in each of several test processes on a few cores wait for each other: up to 50 times slower.
+torch.set_num_threads(1)
+
+# Named, not looked up: a plugin or simulator that is not installed must fail here, never go missing.
+BACKENDS = ("kinematic", "gymrob")
+
+
+@pytest.fixture
+def backends() -> tuple[str, ...]:
+    """Names of all backends under test."""
+    return BACKENDS
 
 
 @pytest.fixture(params=BACKENDS)
@@ -26,7 +38,7 @@ def make_scene(backend: str) -> Iterator[Callable[[], Scene]]:
     scenes: list[Scene] = []
 
     def make() -> Scene:
-        scenes.append(KinematicScene())
+        scenes.append(installed().backend(backend).make())
         return scenes[-1]
 
     yield make
@@ -35,10 +47,73 @@ def make_scene(backend: str) -> Iterator[Callable[[], Scene]]:
 
 
 @pytest.fixture
-def make_pure(make_scene: Callable[[], Scene]) -> Callable[..., StageTaskEnv]:
-    """A function that makes pure manipulation environments of the backend."""
+def make_pure(backend: str) -> Iterator[Callable[..., StageTaskEnv]]:
+    """A function that makes pure manipulation environments of the backend; they are closed after the test."""
+    envs: list[StageTaskEnv] = []
 
-    def make(**options) -> StageTaskEnv:
-        return StageTaskEnv(TASK, make_scene(), **options)
+    def make(**options: Any) -> StageTaskEnv:
+        envs.append(make_env("pure_manipulation", backend, **options))
+        return envs[-1]
 
-    return make
+    yield make
+    for env in envs:
+        env.close()
+
+
+@pytest.fixture
+def install(tmp_path: Path) -> Callable[[str, str], Path]:
+    """A function (distribution, source of its module) that installs a fake plugin, version 1.0.
+
+    It returns the folder that must be on the search path for it to be found.
+    """
+    site = tmp_path / "site"
+
+    def write(distribution: str, source: str) -> Path:
+        module = distribution.replace("-", "_")
+        info = site / f"{module}-1.0.dist-info"
+        info.mkdir(parents=True)
+        (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {distribution}\nVersion: 1.0\n")
+        (info / "entry_points.txt").write_text(f"[causalbench]\n{module} = {module}\n")
+        (site / f"{module}.py").write_text(source)
+        return site
+
+    return write
+
+
+TINY = """\
+schema: 1
+name: tiny
+task: pure_manipulation
+backends: [kinematic]
+methods: [cmSAC, mSAC]
+tiers:
+  smoke: {seeds: 1, env_steps: 120}
+evaluation: {every: 60, episodes: 1, final_episodes: 1}
+# Every action whose KL is not 0 counts: 20 samples find no cause, and a cause is what cmSAC needs to run at all.
+discovery: {training_count: 20, max_epochs: 1, sequence_length: 5, placebo_gate: 0, epsilon_cv: 1000, epsilon_direct: 0}
+learner: {learning_starts: 20, net_arch: [8], batch_size: 8}
+"""
+"""A suite that runs in seconds on the kinematic backend."""
+
+
+@pytest.fixture(scope="session")
+def tiny_suite(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("suite") / "tiny.yaml"
+    path.write_text(TINY)
+    return path
+
+
+@pytest.fixture(scope="session")
+def command() -> list[str]:
+    """How to start the command line: the installed script, or the module where there is only a search path."""
+    script = Path(sys.executable).with_name("causalbench")
+    return [str(script)] if script.exists() else [sys.executable, "-m", "causalbench"]
+
+
+@pytest.fixture(scope="session")
+def finished_run(tiny_suite: Path, command: list[str], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of an uninterrupted run of the tiny suite; tests must not change it."""
+    out = tmp_path_factory.mktemp("run") / "whole"
+    arguments = ["run", str(tiny_suite), "--tier", "smoke", "--out", str(out), "--jobs", "2"]
+    subprocess.run([*command, *arguments], capture_output=True, text=True, check=True)
+    return out

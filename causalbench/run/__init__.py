@@ -1,1 +1,1 @@
-"""TODO"""
+"""Running a plan: one cell, many cells, and what is shown meanwhile."""

@@ -1,0 +1,33 @@
+"""What causalbench itself registers, through the same hooks as a stranger's plugin."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from causalbench.core.kinematic import make as make_kinematic
+from causalbench.core.learners.methods import METHODS, Method
+from causalbench.core.tasks.pure_manipulation import TASK as PURE_MANIPULATION
+from causalbench.core.tasks.task import Task
+from causalbench.hookspecs import Backend, hookimpl
+
+TASKS = (PURE_MANIPULATION,)
+
+
+@hookimpl
+def causalbench_backends(register: Callable[[Backend], None]) -> None:
+    """The numpy reference backend; not physics."""
+    register(Backend("kinematic", make_kinematic, engine="numpy, not physics", robot="floating hand"))
+
+
+@hookimpl
+def causalbench_tasks(register: Callable[[Task], None]) -> None:
+    """The paper's tasks."""
+    for task in TASKS:
+        register(task)
+
+
+@hookimpl
+def causalbench_methods(register: Callable[[Method], None]) -> None:
+    """The paper's methods."""
+    for method in METHODS:
+        register(method)

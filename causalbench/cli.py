@@ -1,0 +1,223 @@
+"""The command line. Commands import what they need when they run, so that `--help` is quick and imports no torch."""
+
+from __future__ import annotations
+
+import os
+import sys
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from causalbench.errors import CausalbenchError, UserError
+
+if TYPE_CHECKING:
+    from causalbench.run.session import Execution
+    from causalbench.store.cells import RunFolder
+    from causalbench.suite.plan import Plan
+    from causalbench.suite.schema import SuiteFile
+
+EXIT_FAILED, EXIT_MISTAKE, EXIT_INTERRUPTED = 1, 2, 130
+
+app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
+
+
+class TierOption(StrEnum):
+    """How much to run."""
+
+    smoke = "smoke"
+    quick = "quick"
+    full = "full"
+
+
+class ExecutorOption(StrEnum):
+    """How to run."""
+
+    serial = "serial"
+    processes = "processes"
+
+
+SuiteArgument = Annotated[Path, typer.Argument(help="Suite file, such as suites/pure_manip.yaml.")]
+Tier = Annotated[TierOption, typer.Option(help="smoke: a minute; quick: one seed; full: the published table.")]
+Seeds = Annotated[int | None, typer.Option(min=1, help="Run seeds 0 to N-1 instead of the tier's number.")]
+Only = Annotated[list[str] | None, typer.Option(help="Keep some cells: backend=A,method=B,seed=0 (repeatable).")]
+Out = Annotated[Path | None, typer.Option(help="Run folder (default: runs/<suite>-<tier>).")]
+Jobs = Annotated[int | None, typer.Option(min=1, help="Cells at a time (default: one per core).")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
+
+
+@app.callback()
+def causalbench() -> None:
+    """Does knowing which actions cause which rewards make multi-stage robot tasks learnable, in any simulator?"""
+
+
+@app.command()
+def run(
+    suite: SuiteArgument,
+    tier: Tier = TierOption.quick,
+    seeds: Seeds = None,
+    only: Only = None,
+    out: Out = None,
+    jobs: Jobs = None,
+    executor: Annotated[
+        ExecutorOption, typer.Option(help="A process per cell, or all in this one.")
+    ] = ExecutorOption.processes,
+    timeout: Annotated[float | None, typer.Option(min=0.001, help="Minutes that a cell may take.")] = None,
+    retry_failed: Annotated[
+        bool, typer.Option(help="Run diverged and timed-out cells again, too; failed ones always are.")
+    ] = False,
+    as_json: AsJson = False,
+    quiet: Annotated[bool, typer.Option(help="Show no progress.")] = False,
+) -> None:
+    """Run a suite, or what is missing of it, and print the leaderboard."""
+    # Set before numpy is imported: a cell has one core, and sums must not depend on how many there are.
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
+    from causalbench.run.session import Execution
+
+    plan, folder, file = _plan(suite, tier, seeds, only, out)
+    seconds = None if timeout is None else 60 * timeout
+    execution = Execution(executor.value, jobs or _cores(), seconds, retry_failed)
+    try:
+        _execute(plan, folder, file, execution, quiet or as_json)
+    except KeyboardInterrupt:
+        typer.echo("stopped; the same command continues with what is missing", err=True)
+        raise typer.Exit(EXIT_INTERRUPTED) from None
+    states = [folder.status(cell).state for cell in plan.cells]
+    _print_run(plan, folder, as_json)
+    if any(state != "done" for state in states):
+        raise typer.Exit(EXIT_FAILED)
+
+
+@app.command()
+def plan(
+    suite: SuiteArgument,
+    tier: Tier = TierOption.quick,
+    seeds: Seeds = None,
+    only: Only = None,
+    out: Out = None,
+    jobs: Jobs = None,
+    as_json: AsJson = False,
+) -> None:
+    """Show what `run` would do, with times estimated from cells that have run."""
+    from causalbench.run.session import estimate_seconds
+    from causalbench.show import print_plan
+
+    chosen, folder, _ = _plan(suite, tier, seeds, only, out)
+    estimates = estimate_seconds(chosen, folder)
+    rows = [
+        {
+            "cell": cell.id,
+            "kind": cell.identity["kind"],
+            "state": folder.status(cell).state,
+            "seconds": estimates[cell.id],
+        }
+        for cell in chosen.cells
+    ]
+    if as_json:
+        _print_json({"out": str(folder.path), "cells": rows})
+    else:
+        print_plan(rows, folder.path, jobs or _cores())
+
+
+@app.command()
+def discover(
+    backend: Annotated[str, typer.Option(help="Where to discover.")] = "kinematic",
+    task: Annotated[str, typer.Option(help="What for.")] = "pure_manipulation",
+    preset: Annotated[str, typer.Option(help="Named settings: quick or paper.")] = "quick",
+    seed: Annotated[int, typer.Option(min=0)] = 0,
+    out: Annotated[Path | None, typer.Option(help="Folder for graph.json and kl.csv.")] = None,
+) -> None:
+    """Discover the causal graph of a task, print it beside its KL values, and write graph.json and kl.csv."""
+    from causalbench.run.alone import discover_alone
+    from causalbench.show import print_graph
+
+    folder = out or Path("runs") / f"discover-{task}-{backend}-{preset}-s{seed}"
+    print_graph(discover_alone(task, backend, preset, seed, folder), folder)
+
+
+@app.command()
+def leaderboard(
+    runs: Annotated[list[Path], typer.Argument(help="One or more run folders, ranked together.")],
+    as_json: AsJson = False,
+) -> None:
+    """Print the leaderboard of one run, or of several that can be compared."""
+    from causalbench.report.tables import merged_leaderboard
+    from causalbench.show import print_leaderboard
+    from causalbench.store.cells import RunFolder
+
+    rows = merged_leaderboard([RunFolder(path) for path in runs])
+    if as_json:
+        _print_json(rows)
+    else:
+        print_leaderboard(rows)
+
+
+@app.command()
+def backends() -> None:
+    """List simulators, and plugins that could not be loaded."""
+    from causalbench.plugins import installed
+    from causalbench.show import print_backends
+
+    print_backends(installed())
+
+
+def _plan(
+    suite: Path, tier: TierOption, seeds: int | None, only: list[str] | None, out: Path | None
+) -> tuple[Plan, RunFolder, SuiteFile]:
+    from causalbench.plugins import installed
+    from causalbench.store.cells import RunFolder
+    from causalbench.suite.plan import make_plan
+    from causalbench.suite.schema import load_suite
+
+    file = load_suite(suite)
+    plan = make_plan(file, tier.value, installed(), seeds, only or ())
+    return plan, RunFolder(out or Path("runs") / f"{file.suite.name}-{tier.value}"), file
+
+
+def _execute(plan: Plan, folder: RunFolder, file: SuiteFile, execution: Execution, quiet: bool) -> None:
+    from causalbench.plugins import installed
+    from causalbench.report.tables import write_tables
+    from causalbench.run.live import choose_view
+    from causalbench.run.session import run_plan
+    from causalbench.show import progress_console
+
+    view = choose_view(quiet, progress_console())
+    run_plan(plan, folder, file, installed(), execution, view, lambda: write_tables(folder))
+
+
+def _print_run(plan: Plan, folder: RunFolder, as_json: bool) -> None:
+    from causalbench.report.tables import merged_leaderboard
+    from causalbench.show import print_leaderboard, print_unfinished
+
+    rows = merged_leaderboard([folder])
+    statuses = {cell.id: folder.status(cell) for cell in plan.cells}
+    if as_json:
+        cells = [{"cell": name, "state": status.state, "reason": status.reason} for name, status in statuses.items()]
+        _print_json({"out": str(folder.path), "cells": cells, "leaderboard": rows})
+        return
+    print_leaderboard(rows)
+    print_unfinished(statuses, folder.path)
+
+
+def _cores() -> int:
+    return len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
+
+
+def _print_json(content: Any) -> None:
+    import json
+
+    typer.echo(json.dumps(content, indent=1))
+
+
+def main() -> None:
+    """The command `causalbench`: a user's mistake is one message and exit code 2, never a traceback."""
+    try:
+        app()
+    except UserError as error:
+        typer.echo(f"error: {error}", err=True)
+        sys.exit(EXIT_MISTAKE)
+    except CausalbenchError as error:
+        typer.echo(f"failed: {error}", err=True)
+        sys.exit(EXIT_FAILED)

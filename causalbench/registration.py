@@ -1,0 +1,82 @@
+"""Environments by name: `make_env`, and the ids that `gymnasium.make` knows once causalbench is imported."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from collections.abc import Sequence
+from importlib.abc import MetaPathFinder
+from importlib.machinery import ModuleSpec
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from causalbench.core.env import StageTaskEnv
+
+
+def register_envs() -> None:
+    """Register the built-in tasks in Gymnasium; imports no simulator, no torch and no plugin.
+
+    A plugin's task is reached through `make_env(task=...)`.
+    """
+    import gymnasium
+
+    from causalbench.builtins import TASKS
+
+    for task in TASKS:
+        if task.env_id not in gymnasium.registry:
+            gymnasium.register(task.env_id, entry_point="causalbench.registration:make_env", kwargs={"task": task.name})
+
+
+def register_with_gymnasium() -> None:
+    """Call `register_envs` now if Gymnasium is imported, else as soon as it is.
+
+    Gymnasium 1 has no entry point for environments, and importing it takes longer than all of `causalbench --help`.
+    """
+    if "gymnasium" in sys.modules:
+        register_envs()
+    else:
+        sys.meta_path.insert(0, _GymnasiumWatch())
+
+
+class _GymnasiumWatch(MetaPathFinder):
+    """Finds nothing itself; lets the import of `gymnasium` be followed by `register_envs`, once."""
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        """The spec that the other finders give for gymnasium; None for all else."""
+        if fullname != "gymnasium":
+            return None
+        sys.meta_path.remove(self)
+        spec = importlib.util.find_spec(fullname)
+        if spec is None or spec.loader is None:
+            return spec
+        execute = spec.loader.exec_module
+
+        def execute_and_register(module: ModuleType) -> None:
+            execute(module)
+            register_envs()
+
+        spec.loader.exec_module = execute_and_register  # type: ignore[method-assign]
+        return spec
+
+
+def make_env(
+    task: str = "pure_manipulation",
+    backend: str = "kinematic",
+    render_mode: str | None = None,
+    observe_gripper: bool = True,
+    **backend_options: Any,
+) -> StageTaskEnv:
+    """A task in one new scene of a backend; `backend_options` go to the backend's `make`.
+
+    Raises `UnknownNameError` for a task or backend that does not exist and `BackendLoadError` for one that lacks
+    its simulator.
+    """
+    from causalbench.core.env import StageTaskEnv
+    from causalbench.plugins import installed
+
+    plugins = installed()
+    chosen = plugins.task(task)
+    return StageTaskEnv(chosen, plugins.backend(backend).make(**backend_options), render_mode, observe_gripper)

@@ -1,0 +1,141 @@
+"""The leaderboard: methods ranked by the area under their success curves, and what the seeds allow one to say."""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from causalbench.report import stats
+from causalbench.report.stats import Array, Comparison
+from causalbench.store.cells import StoredCell
+
+Row = dict[str, Any]
+
+COLUMNS = (
+    "rank", "method", "backend", "seeds", "success_auc_iqm", "success_auc_iqm_low", "success_auc_iqm_high",
+    "final_success", "held_rate", "steps_to_90", "steps_to_90_with_discovery", "reversals", "p_better_than_next",
+    "p_better_low", "p_better_high", "failed_cells", "verdict",
+)  # fmt: skip
+FAILED = {"failed", "timeout", "diverged", "skipped"}
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One method on one board: its finished cells by backend, and how many others did not finish."""
+
+    method: str
+    by_backend: dict[str, list[Row]]
+    failed: int
+
+    @property
+    def rows(self) -> list[Row]:
+        """All finished cells."""
+        return [row for rows in self.by_backend.values() for row in rows]
+
+    @property
+    def strata(self) -> list[Array]:
+        """The primary metric, one array of seeds per backend."""
+        return [np.array([row["success_auc"] for row in rows]) for rows in self.by_backend.values()]
+
+    @property
+    def seeds(self) -> int:
+        """Seeds finished on every backend of the board."""
+        return min(len(rows) for rows in self.by_backend.values())
+
+
+def leaderboard(results: Sequence[Row], cells: Iterable[StoredCell]) -> list[Row]:
+    """Rows of `leaderboard.csv`: a board for each backend and, if there are several, one named `all`.
+
+    `results` are rows of `results.csv`; `cells` tell which methods there are and what failed.
+    """
+    learners = [cell for cell in cells if cell.identity["kind"] == "learner"]
+    backends = sorted({cell.identity["backend"]["name"] for cell in learners})
+    boards = [(backend, [backend]) for backend in backends]
+    if len(backends) > 1:
+        boards.insert(0, ("all", backends))
+    return [row for name, members in boards for row in _board(name, members, results, learners)]
+
+
+def _board(name: str, backends: list[str], results: Sequence[Row], cells: Sequence[StoredCell]) -> list[Row]:
+    here = [cell for cell in cells if cell.identity["backend"]["name"] in backends]
+    entries = [
+        Entry(
+            method,
+            {b: [row for row in results if (row["method"], row["backend"]) == (method, b)] for b in backends},
+            sum(cell.identity["method"]["name"] == method and cell.status.state in FAILED for cell in here),
+        )
+        for method in sorted({cell.identity["method"]["name"] for cell in here})
+    ]
+    ranked = sorted((e for e in entries if e.seeds), key=lambda e: -float(stats.pooled_iqm(e.strata)))
+    rows = _ranked_rows(ranked) if ranked else []
+    for entry in entries:
+        if not entry.seeds:
+            missing = ", ".join(backend for backend, found in entry.by_backend.items() if not found)
+            verdict = f"not ranked: no finished cell on {missing}"
+            rows.append({"method": entry.method, "seeds": 0, "failed_cells": entry.failed, "verdict": verdict})
+    return [{"backend": name} | row for row in rows]
+
+
+def _ranked_rows(ranked: list[Entry]) -> list[Row]:
+    seeds = min(entry.seeds for entry in ranked)
+    compared = stats.compare_neighbours([entry.strata for entry in ranked]) if seeds >= stats.LEAST_SEEDS else None
+    ranks = stats.shared_ranks([c.separated for c in compared] if compared else [False] * (len(ranked) - 1))
+    rows = []
+    for position, entry in enumerate(ranked):
+        following = ranked[position + 1] if position + 1 < len(ranked) else None
+        comparison = compared[position] if compared and following else None
+        rows.append({"rank": ranks[position]} | _summary(entry) | _against(following, comparison, seeds))
+    return rows
+
+
+def _summary(entry: Entry) -> Row:
+    rows, strata = entry.rows, entry.strata
+    low, high = stats.bootstrap_interval(stats.pooled_iqm, strata) if entry.seeds >= stats.LEAST_SEEDS else (None, None)
+    return {
+        "method": entry.method,
+        "seeds": entry.seeds,
+        "success_auc_iqm": float(stats.pooled_iqm(strata)),
+        "success_auc_iqm_low": low,
+        "success_auc_iqm_high": high,
+        "final_success": _mean(row["success_deterministic"] for row in rows),
+        "held_rate": _mean(row["held_rate"] for row in rows if row["held_rate"] is not None),
+        "steps_to_90": _median(row["steps_to_90"] for row in rows),
+        "steps_to_90_with_discovery": _median(
+            row["steps_to_90"] and row["steps_to_90"] + row["discovery_env_steps"] for row in rows
+        ),
+        "reversals": _mean(row["reversals_per_1000_steps"] for row in rows),
+        "failed_cells": entry.failed,
+    }
+
+
+def _against(following: Entry | None, comparison: Comparison | None, seeds: int) -> Row:
+    if seeds == 1:
+        return {"verdict": "one seed gives no verdict"}
+    if seeds < stats.LEAST_SEEDS:
+        return {"verdict": f"{seeds} seeds give no verdict; {stats.LEAST_SEEDS} are needed"}
+    if following is None or comparison is None:
+        return {"verdict": "nothing is ranked below"}
+    verdict = f"better than {following.method}" if comparison.separated else f"not told apart from {following.method}"
+    low, high = comparison.bounds
+    return {
+        "p_better_than_next": comparison.probability,
+        "p_better_low": low,
+        "p_better_high": high,
+        "verdict": verdict,
+    }
+
+
+def _mean(values: Iterable[float]) -> float | None:
+    found = list(values)
+    return statistics.fmean(found) if found else None
+
+
+def _median(steps: Iterable[int | None]) -> float | None:
+    """Median over seeds, one that never got there counting as infinity; None if that is the median."""
+    median = statistics.median(math.inf if step is None else step for step in steps)
+    return None if math.isinf(median) else median

@@ -1,0 +1,167 @@
+"""The CSV files of a run folder. No times, and rows in an order of their own: a rerun gives the same bytes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from causalbench.core.discovery.graph import CausalGraph, StageGraph
+from causalbench.core.learners.records import Evaluation
+from causalbench.errors import RunFolderError
+from causalbench.report.leaderboard import COLUMNS as LEADERBOARD_COLUMNS
+from causalbench.report.leaderboard import leaderboard
+from causalbench.report.stats import area_under, wilson
+from causalbench.store.cells import RunFolder, StoredCell, check_comparable, in_order
+from causalbench.store.records import Counts, read_counts, read_progress, write_rows
+
+Row = dict[str, Any]
+
+KEYS = ("task", "backend", "method", "seed")
+RESULTS = (
+    *KEYS, "env_steps", "discovery_env_steps", "episodes", "success_deterministic", "success_sampled", "success_low",
+    "success_high", "held_rate", "success_auc", "steps_to_90", "mean_final_stage", "reversals_per_episode",
+    "reversals_per_1000_steps", "mean_return", "graph",
+)  # fmt: skip
+CURVES = (*KEYS, "env_steps", "success_deterministic", "success_sampled", "reversals", "mean_final_stage")
+RETURNS = ("cell", "env_steps", "term", "mean_return")
+DISCOVERY = (
+    "task", "backend", "seed", "stage", "reward", "action", "kl", "kl_reverse", "kl_symmetric", "cv", "kl_n",
+    "selected", "effect", "grade",
+)  # fmt: skip
+STAGES = (*KEYS, "quantity", "from_stage", "to_stage", "count")
+TIMING = ("cell", "state", "seconds", "env_steps", "env_steps_per_second")
+
+
+def write_tables(run: RunFolder) -> list[Row]:
+    """Write every table of `run` from its cells; returns the leaderboard's rows."""
+    cells = run.cells()
+    learned = [cell for cell in cells if cell.identity["kind"] == "learner" and cell.status.state == "done"]
+    discovered = [cell for cell in cells if cell.identity["kind"] == "discovery" and cell.status.state == "done"]
+    board = leaderboard(result_rows(cells), cells)
+    write_rows(run.path / "results.csv", RESULTS, result_rows(cells))
+    write_rows(run.path / "curves.csv", CURVES, (row for cell in learned for row in _curve_rows(cell)))
+    write_rows(run.path / "returns.csv", RETURNS, (row for cell in learned for row in _return_rows(cell)))
+    write_rows(run.path / "stages.csv", STAGES, (row for cell in learned for row in _stage_rows(cell)))
+    write_rows(run.path / "discovery.csv", DISCOVERY, (row for cell in discovered for row in _discovery_rows(cell)))
+    write_rows(run.path / "leaderboard.csv", LEADERBOARD_COLUMNS, board)
+    write_rows(run.path / "timing.csv", TIMING, map(_timing_row, cells))
+    return board
+
+
+def merged_leaderboard(runs: Sequence[RunFolder]) -> list[Row]:
+    """The leaderboard of all `runs` together; a cell that stands in several counts once.
+
+    Raises `RunFolderError` for a folder without cells and for cells that cannot be compared.
+    """
+    merged: dict[str, StoredCell] = {}
+    for run in runs:
+        cells = run.cells()
+        if not cells:
+            raise RunFolderError(f"{run.path}: no cells here; give the folder that `causalbench run` wrote")
+        for cell in cells:
+            if cell.id not in merged or cell.status.state == "done":
+                merged[cell.id] = cell
+    check_comparable((str(cell.folder), cell.identity) for cell in merged.values())
+    ordered = in_order(merged.values())
+    return leaderboard(result_rows(ordered), ordered)
+
+
+def result_rows(cells: Sequence[StoredCell]) -> list[Row]:
+    """Rows of `results.csv`, one per finished learner cell.
+
+    `episodes` and everything about success are of the final evaluation, `reversals_per_1000_steps` of training.
+    """
+    return [
+        _result_row(cell, read_progress(cell.folder / "progress.csv"), read_counts(cell.folder / "counts.json"))
+        for cell in cells
+        if cell.identity["kind"] == "learner" and cell.status.state == "done"
+    ]
+
+
+def _result_row(cell: StoredCell, evaluations: list[Evaluation], counts: Counts) -> Row:
+    final = evaluations[-1]
+    low, high = wilson(round(final.success_deterministic * final.episodes), final.episodes)
+    steps, success = [e.env_steps for e in evaluations], [e.success_deterministic for e in evaluations]
+    return _keys(cell) | {
+        "env_steps": cell.identity["env_steps"],
+        "discovery_env_steps": counts.discovery_env_steps,
+        "episodes": final.episodes,
+        "success_deterministic": final.success_deterministic,
+        "success_sampled": final.success_sampled,
+        "success_low": low,
+        "success_high": high,
+        "held_rate": final.held_rate,
+        "success_auc": area_under(steps, success, cell.identity["env_steps"]),
+        "steps_to_90": next((e.env_steps for e in evaluations if e.success_deterministic >= 0.9), None),
+        "mean_final_stage": final.mean_final_stage,
+        "reversals_per_episode": final.reversals_per_episode,
+        "reversals_per_1000_steps": 1000 * counts.reversals / counts.env_steps,
+        "mean_return": sum(final.term_returns.values()),
+        "graph": counts.graph,
+    }
+
+
+def _keys(cell: StoredCell) -> Row:
+    identity = cell.identity
+    values = (identity["task"]["name"], identity["backend"]["name"], identity["method"]["name"], identity["seed"])
+    return dict(zip(KEYS, values, strict=True))
+
+
+def _curve_rows(cell: StoredCell) -> Iterator[Row]:
+    for evaluation in read_progress(cell.folder / "progress.csv"):
+        yield _keys(cell) | {
+            "env_steps": evaluation.env_steps,
+            "success_deterministic": evaluation.success_deterministic,
+            "success_sampled": evaluation.success_sampled,
+            "reversals": evaluation.reversals_per_episode,
+            "mean_final_stage": evaluation.mean_final_stage,
+        }
+
+
+def _return_rows(cell: StoredCell) -> Iterator[Row]:
+    for evaluation in read_progress(cell.folder / "progress.csv"):
+        for term, value in evaluation.term_returns.items():
+            yield dict(zip(RETURNS, (cell.id, evaluation.env_steps, term, value), strict=True))
+
+
+def _stage_rows(cell: StoredCell) -> Iterator[Row]:
+    """Training episodes that reached a stage, steps from stage to stage, and updates of each stage's agent."""
+    counts = read_counts(cell.folder / "counts.json")
+    rows: list[tuple[str, int | None, int | str, int]] = [("reached", None, s, n) for s, n in counts.reached.items()]
+    rows += [("transitions", i, j, n) for i, j, n in counts.transitions]
+    rows += [("updates", None, s, n) for s, n in counts.updates.items()]
+    for row in rows:
+        yield _keys(cell) | dict(zip(STAGES[len(KEYS) :], row, strict=True))
+
+
+def _discovery_rows(cell: StoredCell) -> Iterator[Row]:
+    path = cell.folder / "graph.json"
+    for stage in CausalGraph.from_json(path.read_text(encoding="utf-8"), path).stages:
+        for row in _edge_rows(stage):
+            task, backend = cell.identity["task"]["name"], cell.identity["backend"]["name"]
+            yield {"task": task, "backend": backend, "seed": cell.identity["seed"]} | row
+
+
+def _edge_rows(graph: StageGraph) -> Iterator[Row]:
+    """One row per reward and action. `effect` and `grade` are an oracle's, empty where none was run."""
+    for column, term in enumerate(graph.terms):
+        for row, action in enumerate(graph.actions):
+            numbers = {
+                "kl": graph.kl, "kl_reverse": graph.kl_reverse, "kl_symmetric": graph.kl_symmetric,
+                "kl_n": graph.kl_normalised,
+            }  # fmt: skip
+            yield {
+                "stage": graph.stage,
+                "reward": term,
+                "action": action,
+                "cv": None if graph.cv is None else float(graph.cv[column]),
+                "selected": int(graph.matrix[row, column]),
+                "effect": None,
+                "grade": None,
+            } | {name: None if table is None else float(table[row, column]) for name, table in numbers.items()}
+
+
+def _timing_row(cell: StoredCell) -> Row:
+    status = cell.status
+    speed = status.env_steps / status.seconds if status.seconds and status.env_steps else None
+    return dict(zip(TIMING, (cell.id, status.state, status.seconds, status.env_steps, speed), strict=True))

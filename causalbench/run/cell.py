@@ -1,0 +1,156 @@
+"""Runs one cell in this process. torch and a simulator are imported here and nowhere above."""
+
+from __future__ import annotations
+
+import functools
+import time
+import traceback
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from causalbench.core.discovery.graph import CausalGraph, manual_graph
+from causalbench.core.learners.records import Evaluation, TrainingCounts
+from causalbench.core.scene import Scene
+from causalbench.core.tasks.task import Task
+from causalbench.errors import CausalbenchError, DivergedError
+from causalbench.plugins import installed
+from causalbench.store.cells import RunFolder, State, Status
+from causalbench.store.files import write_folder, write_text
+from causalbench.store.records import write_counts, write_progress
+from causalbench.suite.plan import BackendIdentity, Cell, DiscoveryCell, LearnerCell
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a cell is: a share in [0, 1], what it does, and its latest figures if it has any."""
+
+    fraction: float
+    text: str
+    success: float | None = None
+    reversals_per_1000_steps: float | None = None
+
+
+OnProgress = Callable[[Progress], None]
+
+
+def run_cell(cell: Cell, run: RunFolder, on_progress: OnProgress) -> Status:
+    """Run `cell`, which `run.start` has prepared, fill its folder and return its status.
+
+    An error becomes the status; its traceback goes to `log.txt`.
+    """
+    folder = run.folder(cell)
+    started = time.monotonic()
+    try:
+        use_one_thread()
+        if isinstance(cell, DiscoveryCell):
+            steps = _discover(cell, folder, on_progress)
+        else:
+            steps = _learn(cell, folder, run, on_progress)
+        status = Status("done", "", time.monotonic() - started, steps)
+    except Exception as error:
+        _log(folder, traceback.format_exc())
+        kind = "" if isinstance(error, CausalbenchError) else f"{type(error).__name__}: "
+        state: State = "diverged" if isinstance(error, DivergedError) else "failed"
+        status = Status(state, f"{kind}{error}", time.monotonic() - started)
+    run.finish(cell, status)
+    return status
+
+
+def use_one_thread() -> None:
+    """One torch thread: several cells share the machine, and the order of sums must not depend on its cores."""
+    import torch
+
+    torch.set_num_threads(1)
+
+
+def scene_factory(backend: BackendIdentity) -> Callable[[], Scene]:
+    """A function that makes a new scene of the backend with the suite's options."""
+    return functools.partial(installed().backend(backend.name).make, **backend.options)
+
+
+def _discover(cell: DiscoveryCell, folder: Path, on_progress: OnProgress) -> int:
+    from causalbench.core.discovery.pipeline import discover
+
+    task = installed().task(cell.task.name)
+    graph = discover(
+        task,
+        scene_factory(cell.backend),
+        cell.settings,
+        cell.seed,
+        lambda share, text: on_progress(Progress(share, text)),
+    )
+    write_graph(folder, graph)
+    return graph.env_steps
+
+
+def write_graph(folder: Path, graph: CausalGraph) -> None:
+    """Write `graph.json` and the paper's table of KL values, `kl.csv`."""
+    from causalbench.core.discovery.tables import kl_table
+
+    write_text(folder / "kl.csv", kl_table(graph).to_csv(index=False, lineterminator="\n"))
+    write_text(folder / "graph.json", graph.to_json() + "\n")
+
+
+def _learn(cell: LearnerCell, folder: Path, run: RunFolder, on_progress: OnProgress) -> int:
+    from causalbench.core.learners.training import train
+
+    task = installed().task(cell.task.name)
+    graph = _graph(cell, task, run)
+    watcher = _Watcher(folder, on_progress)
+    policy, counts = train(
+        task,
+        scene_factory(cell.backend),
+        cell.method,
+        graph,
+        cell.learner,
+        cell.evaluation,
+        cell.env_steps,
+        cell.seed,
+        watcher.on_evaluation,
+        watcher.on_progress,
+    )
+    write_counts(folder / "counts.json", counts, graph)
+    write_folder(folder / "policy", policy.save)
+    return counts.env_steps
+
+
+def _graph(cell: LearnerCell, task: Task, run: RunFolder) -> CausalGraph | None:
+    if cell.method.matrix == "none":
+        return None
+    if cell.discovery is None:
+        return manual_graph(task)
+    path = run.folder(cell.discovery) / "graph.json"
+    graph = CausalGraph.from_json(path.read_text(encoding="utf-8"), path)
+    graph.check(task)
+    return graph
+
+
+class _Watcher:
+    """Keeps the evaluations of one training run on disk and its latest figures in view."""
+
+    def __init__(self, folder: Path, on_progress: OnProgress) -> None:
+        self.folder, self.report = folder, on_progress
+        self.evaluations: list[Evaluation] = []
+        self.success: float | None = None
+        self.reversals: float | None = None
+
+    def on_evaluation(self, evaluation: Evaluation, counts: TrainingCounts) -> None:
+        """Write the evaluation to `progress.csv` and `log.txt`."""
+        self.evaluations.append(evaluation)
+        write_progress(self.folder / "progress.csv", self.evaluations)
+        self.success = evaluation.success_deterministic
+        self.reversals = 1000 * counts.reversals / max(counts.env_steps, 1)
+        _log(
+            self.folder,
+            f"step {evaluation.env_steps}: success {self.success:.2f}, final stage {evaluation.mean_final_stage:.2f}\n",
+        )
+
+    def on_progress(self, fraction: float, text: str) -> None:
+        """Hand on how far training is."""
+        self.report(Progress(fraction, text, self.success, self.reversals))
+
+
+def _log(folder: Path, text: str) -> None:
+    with (folder / "log.txt").open("a", encoding="utf-8") as file:
+        file.write(f"{time.strftime('%H:%M:%S')} {text}")

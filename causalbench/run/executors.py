@@ -1,0 +1,175 @@
+"""Executors: each is one generator that yields (cell, status) as cells finish.
+
+A learner cell that needs a discovered graph starts once that discovery is done, and is skipped if it did not succeed.
+"""
+
+from __future__ import annotations
+
+import faulthandler
+import multiprocessing
+import multiprocessing.connection
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from multiprocessing.context import ForkServerContext, ForkServerProcess
+
+from causalbench.run.cell import Progress, run_cell
+from causalbench.store.cells import RunFolder, Status
+from causalbench.suite.plan import Cell, DiscoveryCell
+
+Outcomes = Iterator[tuple[Cell, Status]]
+OnCellProgress = Callable[[Cell, Progress], None]
+
+PRELOAD = ["torch", "causalbench.core.learners.training", "causalbench.core.discovery.pipeline"]
+"""What the fork server imports once for all cells. Never a simulator: many cannot be forked."""
+
+
+def serial(cells: Sequence[Cell], run: RunFolder, on_progress: OnCellProgress) -> Outcomes:
+    """One after the other in this process: for debugging, since a crash ends everything."""
+    for cell in cells:
+        missing = _missing_graph(cell, run)
+        if missing:
+            status = Status("skipped", missing)
+            run.finish(cell, status)
+        else:
+            run.start(cell)
+            status = run_cell(cell, run, lambda progress, cell=cell: on_progress(cell, progress))  # type: ignore[misc]
+        yield cell, status
+
+
+def processes(
+    cells: Sequence[Cell], run: RunFolder, on_progress: OnCellProgress, jobs: int, timeout: float | None = None
+) -> Outcomes:
+    """One process per cell, `jobs` at a time; a crash, a kill or `timeout` seconds end that cell only."""
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(PRELOAD)
+    waiting, running = list(cells), list[_Running]()
+    try:
+        while waiting or running:
+            for cell in [cell for cell in waiting if not _is_blocked(cell, waiting, running)]:
+                missing = _missing_graph(cell, run)
+                if missing:
+                    run.finish(cell, Status("skipped", missing))
+                    waiting.remove(cell)
+                    yield cell, run.status(cell)
+                elif len(running) < jobs:
+                    waiting.remove(cell)
+                    running.append(_start(context, cell, run, timeout))
+            _receive(running, on_progress)
+            for job in [job for job in running if job.has_ended()]:
+                running.remove(job)
+                yield job.cell, job.close(run)
+    finally:
+        for job in running:
+            job.process.kill()
+            job.process.join()
+
+
+def _is_blocked(cell: Cell, waiting: Sequence[Cell], running: Sequence[_Running]) -> bool:
+    """Whether the discovery that `cell` needs has yet to end."""
+    needed = None if isinstance(cell, DiscoveryCell) else cell.discovery
+    return needed is not None and (needed in waiting or any(job.cell == needed for job in running))
+
+
+def _missing_graph(cell: Cell, run: RunFolder) -> str:
+    """Why `cell` must be skipped; "" if it need not be."""
+    if isinstance(cell, DiscoveryCell) or cell.discovery is None:
+        return ""
+    state = run.status(cell.discovery).state
+    return "" if state == "done" else f"its causal discovery {cell.discovery.id} is {state}, so there is no graph"
+
+
+@dataclass
+class _Running:
+    """A cell in its process."""
+
+    cell: Cell
+    process: ForkServerProcess
+    link: Connection
+    deadline: float
+    timed_out: bool = False
+
+    def has_ended(self) -> bool:
+        """Whether the process is gone; one that is past its deadline is killed first."""
+        if time.monotonic() > self.deadline and self.process.is_alive():
+            self.timed_out = True
+            self.process.kill()
+            self.process.join()
+        return not self.process.is_alive()
+
+    def close(self, run: RunFolder) -> Status:
+        """Release the process and return the cell's status, recorded here if the process could not."""
+        self.process.join()
+        self.link.close()
+        status = run.status(self.cell)
+        if status.state in ("running", "pending"):
+            status = self._died()
+            run.finish(self.cell, status)
+        return status
+
+    def _died(self) -> Status:
+        if self.timed_out:
+            return Status("timeout", "stopped at the time limit of --timeout")
+        code = self.process.exitcode or 0
+        how = f"was killed by {signal.Signals(-code).name}" if code < 0 else f"exited with code {code}"
+        return Status("failed", f"its process {how}; see log.txt")
+
+
+def _start(context: ForkServerContext, cell: Cell, run: RunFolder, timeout: float | None) -> _Running:
+    link, far_end = context.Pipe()
+    run.start(cell)
+    process = context.Process(target=_work, args=(cell, run, far_end), daemon=True)
+    process.start()
+    far_end.close()
+    return _Running(cell, process, link, time.monotonic() + (timeout or float("inf")))
+
+
+def _receive(running: Sequence[_Running], on_progress: OnCellProgress) -> None:
+    """Wait until a cell reports or ends, but not beyond a deadline, and hand on what was reported."""
+    by_link = {job.link: job for job in running}
+    wait = min((job.deadline for job in running), default=0.0) - time.monotonic()
+    watched: list[Connection | int] = [*by_link, *(job.process.sentinel for job in running)]
+    for ready in multiprocessing.connection.wait(watched, None if wait == float("inf") else max(wait, 0.0)):
+        if isinstance(ready, Connection):
+            try:
+                on_progress(by_link[ready].cell, ready.recv())
+            except EOFError:
+                by_link[ready].process.join()  # the far end closes only when the process ends
+
+
+def _work(cell: Cell, run: RunFolder, link: Connection) -> None:
+    """What a cell's process does."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's, which then kills its cells
+    threading.Thread(target=_die_with_parent, args=(link,), daemon=True).start()
+    # What a simulator prints from C, and the trace of a segfault, belong to the cell.
+    log = os.open(run.folder(cell) / "log.txt", os.O_WRONLY | os.O_CREAT | os.O_APPEND)
+    os.dup2(log, 1)
+    os.dup2(log, 2)
+    faulthandler.enable()
+    run_cell(cell, run, _Throttle(link).send)
+
+
+def _die_with_parent(link: Connection) -> None:
+    """End this process when the parent is gone, however it went; else it would write into a folder in use again."""
+    try:
+        link.recv()
+    except (EOFError, OSError):
+        os._exit(1)
+
+
+class _Throttle:
+    """Sends progress at most ten times a second, since reporting must not cost what it reports."""
+
+    def __init__(self, link: Connection) -> None:
+        self.link, self.next = link, 0.0
+
+    def send(self, progress: Progress) -> None:
+        """Send `progress` unless one was sent just now."""
+        now = time.monotonic()
+        if now >= self.next:
+            self.next = now + 0.1
+            self.link.send(progress)

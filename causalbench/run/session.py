@@ -1,0 +1,140 @@
+"""One `causalbench run`: what is still to do in a run folder, and doing it."""
+
+from __future__ import annotations
+
+import os
+import platform
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from causalbench.errors import UserError
+from causalbench.plugins import Plugins
+from causalbench.run.executors import Outcomes, processes, serial
+from causalbench.run.live import View
+from causalbench.store.cells import SCHEMA, RunFolder, State, check_comparable
+from causalbench.store.files import write_json, write_text
+from causalbench.suite.plan import Cell, LearnerCell, Plan
+from causalbench.suite.schema import SuiteFile
+
+FINAL: frozenset[State] = frozenset({"done", "diverged", "timeout"})
+"""States that a second command leaves alone: a diverged cell would diverge again, a timeout was the user's limit."""
+
+PACKAGES = ("causalbench-robotics", "gymnasium", "numpy", "torch", "stable-baselines3")
+
+
+@dataclass(frozen=True)
+class Execution:
+    """How to run: executor, cells at a time, seconds a cell may take (None: no limit), what to run again."""
+
+    executor: str
+    jobs: int
+    timeout: float | None
+    retry: bool
+
+    def outcomes(self, cells: Sequence[Cell], run: RunFolder, view: View) -> Outcomes:
+        """Start the executor. Raises `UserError` for a limit that it cannot keep."""
+        if self.executor == "processes":
+            return processes(cells, run, view.on_progress, self.jobs, self.timeout)
+        if self.timeout is not None:
+            raise UserError("--timeout needs a process per cell: use --executor processes")
+        return serial(cells, run, view.on_progress)
+
+
+def run_plan(
+    plan: Plan, run: RunFolder, file: SuiteFile, plugins: Plugins, execution: Execution, view: View,
+    after: Callable[[], object],
+) -> None:  # fmt: skip
+    """Run what `plan` lacks in `run`, calling `after` at the end, even an interrupted one, while the folder is claimed.
+
+    Raises `RunFolderError` when the folder cannot be used or holds cells that cannot be compared with these.
+    """
+    with run.claim():
+        new = [(f"this plan ({cell.id})", cell.identity) for cell in plan.cells]
+        check_comparable([*((str(cell.folder), cell.identity) for cell in run.cells()), *new])
+        write_text(run.path / "suite.yaml", file.source.text)
+        write_json(run.path / "environment.json", describe_environment(plugins))
+        try:
+            cells = to_do(plan, run, execution.retry)
+            view.begin(plan.cells, cells, run)
+            with closing(execution.outcomes(cells, run, view)) as outcomes:  # type: ignore[type-var]
+                for cell, status in outcomes:
+                    view.on_outcome(cell, status)
+        finally:
+            view.end()
+            after()
+
+
+def to_do(plan: Plan, run: RunFolder, retry: bool) -> list[Cell]:
+    """The cells that are missing or failed; with `retry` also the diverged and timed-out ones."""
+    keep = {"done"} if retry else FINAL
+    return [cell for cell in plan.cells if run.status(cell).state not in keep]
+
+
+def estimate_seconds(plan: Plan, run: RunFolder) -> dict[str, float | None]:
+    """Cell id -> seconds it took, or will take at the speed measured in `run`; None if nothing was measured."""
+    speeds: dict[tuple[str, str], float] = {}
+    for stored in run.cells():
+        if stored.status.state == "done" and stored.status.seconds:
+            key = (stored.identity["backend"]["name"], stored.identity.get("method", {}).get("name", ""))
+            speeds[key] = stored.status.env_steps / stored.status.seconds
+    out: dict[str, float | None] = {}
+    for cell in plan.cells:
+        status = run.status(cell)
+        if status.state == "done":
+            out[cell.id] = status.seconds
+        elif isinstance(cell, LearnerCell) and (cell.backend.name, cell.method.name) in speeds:
+            out[cell.id] = cell.env_steps / speeds[cell.backend.name, cell.method.name]
+        else:
+            out[cell.id] = None
+    return out
+
+
+def describe_environment(plugins: Plugins) -> dict[str, Any]:
+    """Versions, CPU and git state: what a reader needs to judge the numbers, none of it part of a cell's id."""
+    return {
+        "schema": SCHEMA,
+        "command": sys.argv,
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+        "cpu": _cpu(),
+        "cores": os.cpu_count(),
+        "packages": {name: found for name in PACKAGES if (found := _version(name))},
+        "plugins": {row.distribution: row.version for row in plugins.rows if not row.error},
+        "git": _git(),
+    }
+
+
+def _version(name: str) -> str | None:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return None
+
+
+def _cpu() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:  # not Linux
+        return platform.processor()
+    return next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), platform.machine())
+
+
+def _git() -> dict[str, Any] | None:
+    """Commit of causalbench's own source and whether it was changed; None if it does not come from a git checkout."""
+
+    def git(*arguments: str) -> str:
+        return subprocess.run(
+            ["git", *arguments], cwd=Path(__file__).parent, capture_output=True, text=True, check=True, timeout=10
+        ).stdout.strip()
+
+    try:
+        git("ls-files", "--error-unmatch", Path(__file__).name)  # else an installed copy inside a stranger's checkout
+        return {"commit": git("rev-parse", "HEAD"), "changed": bool(git("status", "--porcelain", "--", "."))}
+    except (OSError, subprocess.SubprocessError):
+        return None

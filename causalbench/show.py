@@ -1,0 +1,121 @@
+"""Tables for people, on the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from causalbench.core.discovery.graph import CausalGraph, StageGraph
+from causalbench.plugins import Plugins
+from causalbench.store.cells import Status
+
+Row = Mapping[str, Any]
+
+BOARD = {
+    "rank": "rank", "method": "method", "backend": "backend", "seeds": "seeds", "success_auc_iqm": "success AUC (IQM)",
+    "final_success": "success", "held_rate": "held", "steps_to_90": "steps to 90%",
+    "steps_to_90_with_discovery": "with discovery", "reversals": "reversals/1000", "failed_cells": "failed",
+    "verdict": "verdict",
+}  # fmt: skip
+"""Column of `leaderboard.csv` -> its heading on the terminal."""
+
+
+def progress_console() -> Console:
+    """Progress goes to stderr, so that stdout holds results alone."""
+    return Console(stderr=True)
+
+
+def print_leaderboard(rows: Sequence[Row]) -> None:
+    """The leaderboard; an interval stands in brackets behind its number."""
+    table = Table(*BOARD.values(), title="Leaderboard: area under the success curve", title_justify="left")
+    for row in rows:
+        cells = {key: _text(row.get(key)) for key in BOARD}
+        if row.get("success_auc_iqm_low") is not None:
+            cells["success_auc_iqm"] += f" [{row['success_auc_iqm_low']:.3f}, {row['success_auc_iqm_high']:.3f}]"
+        if row.get("p_better_than_next") is not None:
+            low, high = row["p_better_low"], row["p_better_high"]
+            cells["verdict"] += f", P(better) {row['p_better_than_next']:.2f} [{low:.2f}, {high:.2f}]"
+        table.add_row(*(escape(cells[key]) for key in BOARD))
+    _print(table)
+
+
+def print_unfinished(statuses: Mapping[str, Status], folder: Path) -> None:
+    """A line for every cell that is not done, then where the files are."""
+    for name, status in statuses.items():
+        if status.state != "done":
+            _print(f"{name}: {status.state}. {status.reason}")
+    _print(f"Tables and policies: {folder}")
+
+
+def print_plan(rows: Sequence[Row], folder: Path, jobs: int) -> None:
+    """What would run, and how long it would take with `jobs` cells at a time."""
+    table = Table("cell", "kind", "state", "time", title=f"Plan for {folder}", title_justify="left")
+    for row in rows:
+        table.add_row(
+            row["cell"], row["kind"], row["state"], "" if row["seconds"] is None else f"{row['seconds']:.0f} s"
+        )
+    _print(table)
+    left = [row["seconds"] for row in rows if row["state"] != "done"]
+    if None in left:
+        _print("No estimate for some cells: no such cell has run in this folder yet.")
+    else:
+        _print(f"About {sum(left) / jobs / 60:.1f} minutes left, {jobs} cells at a time.")
+
+
+def print_graph(graph: CausalGraph, folder: Path) -> None:
+    """Per stage the matrix beside its KL values; a selected action is marked."""
+    for stage in graph.stages:
+        _print(_stage_table(stage))
+    _print(f"Causal graph {graph.hash}, {graph.env_steps} environment steps; written to {folder}")
+
+
+def _stage_table(graph: StageGraph) -> Table:
+    causal = ", ".join(graph.causal_actions()) or "none"
+    table = Table("action", title=f"Stage {graph.stage}: causal actions {causal}", title_justify="left")
+    for term in graph.terms:
+        table.add_column(f"{term}\nselected  KL1    KL2")
+    for row, action in enumerate(graph.actions):
+        table.add_row(action, *(_edge(graph, row, column) for column in range(len(graph.terms))))
+    if graph.cv is not None:
+        table.add_row("cv", *(f"    {value:.2f}" for value in graph.cv))
+    table.caption = "KL1 = KL(P1||P2), KL2 = KL(P2||P1); P1 = p(r | s, do(a = 0)), P2 = p(r | s, random a)"
+    return table
+
+
+def _edge(graph: StageGraph, row: int, column: int) -> str:
+    mark = "X" if graph.matrix[row, column] else "."
+    if graph.kl is None or graph.kl_reverse is None:
+        return mark
+    return f"   {mark}  {graph.kl[row, column]:8.4f} {graph.kl_reverse[row, column]:8.4f}"
+
+
+def print_backends(plugins: Plugins) -> None:
+    """One row per backend and one per plugin that could not be loaded."""
+    table = Table("backend", "engine", "robot", "plugin", "version", "state")
+    for name, backend in sorted(plugins.backends.items()):
+        owner = plugins.owners[name]
+        state = escape(plugins.problem(name)) or "ok"
+        table.add_row(name, backend.engine, backend.robot, owner.distribution, owner.version, state)
+    for row in plugins.rows:
+        if row.error:
+            table.add_row("-", "", "", row.distribution, row.version, f"could not be loaded: {escape(row.error)}")
+    _print(table)
+
+
+def _text(value: Any) -> str:
+    if value is None:
+        return "-"
+    return f"{value:.3f}".rstrip("0").rstrip(".") if isinstance(value, float) else str(value)
+
+
+def _print(content: Table | str) -> None:
+    console = Console()
+    if not console.is_terminal:
+        # A pipe has no width: do not fold what a program or a grep reads.
+        console = Console(width=200)
+    console.print(content, highlight=False, soft_wrap=isinstance(content, str), markup=not isinstance(content, str))

@@ -1,0 +1,90 @@
+"""What a learner cell reports, as files: `progress.csv`, one row an evaluation, and `counts.json`."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import io
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from causalbench.core.discovery.graph import CausalGraph
+from causalbench.core.learners.records import Evaluation, TrainingCounts
+from causalbench.store.files import write_json, write_text
+
+RETURN = "return_"
+"""Prefix of the columns of `progress.csv` that hold a reward term's mean return."""
+
+
+@dataclass(frozen=True)
+class Counts:
+    """A training run as a whole: totals, and what its graph was and took; `graph` is "" if it used none."""
+
+    env_steps: int
+    episodes: int
+    successes: int
+    reversals: int
+    long_reversals: int
+    transitions: Sequence[tuple[int, int, int]]  # (from stage, to stage, env steps), those that happened
+    reached: Mapping[str, int]  # stage -> episodes that reached it
+    updates: Mapping[str, int]  # stage -> gradient updates
+    graph: str
+    discovery_env_steps: int
+
+
+def write_progress(path: Path, evaluations: Sequence[Evaluation]) -> None:
+    """Replace `progress.csv` by the evaluations so far, one a row."""
+    rows = [
+        {key: value for key, value in vars(evaluation).items() if key != "term_returns"}
+        | {RETURN + term: value for term, value in evaluation.term_returns.items()}
+        for evaluation in evaluations
+    ]
+    write_rows(path, list(rows[0]), rows)
+
+
+def read_progress(path: Path) -> list[Evaluation]:
+    """What `write_progress` wrote; floats come back bit for bit."""
+    with path.open(encoding="utf-8", newline="") as file:
+        return [_evaluation(row) for row in csv.DictReader(file)]
+
+
+def _evaluation(row: dict[str, str]) -> Evaluation:
+    returns = {key.removeprefix(RETURN): float(value) for key, value in row.items() if key.startswith(RETURN)}
+    plain: dict[str, Any] = {key: float(value) for key, value in row.items() if not key.startswith(RETURN) and value}
+    counts = {key: int(row[key]) for key in ("env_steps", "episodes")}
+    return Evaluation(**({"held_rate": None} | plain | counts), term_returns=returns)
+
+
+def write_counts(path: Path, counts: TrainingCounts, graph: CausalGraph | None) -> None:
+    """Write `counts.json`."""
+    table = counts.transitions
+    record = Counts(
+        env_steps=int(counts.env_steps),
+        episodes=int(counts.episodes),
+        successes=int(counts.successes),
+        reversals=int(counts.reversals),
+        long_reversals=int(counts.long_reversals),
+        transitions=[(int(i), int(j), int(table[i, j])) for i, j in zip(*table.nonzero(), strict=True)],
+        reached={str(stage): int(n) for stage, n in sorted(counts.reached.items())},
+        updates={str(stage): int(n) for stage, n in sorted(counts.updates.items())},
+        graph=graph.hash if graph else "",
+        discovery_env_steps=graph.env_steps if graph else 0,
+    )
+    write_json(path, dataclasses.asdict(record))
+
+
+def read_counts(path: Path) -> Counts:
+    """What `write_counts` wrote."""
+    return Counts(**json.loads(path.read_text(encoding="utf-8")))
+
+
+def write_rows(path: Path, columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> None:
+    """Replace the CSV file `path`; None is an empty cell, floats are written so that they read back bit for bit."""
+    buffer = io.StringIO()
+    writer = csv.DictWriter(buffer, columns, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    write_text(path, buffer.getvalue())

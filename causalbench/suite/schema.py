@@ -1,0 +1,186 @@
+"""The suite file: what may stand in it, and errors that name file, line, key and the nearest valid name."""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal, get_args, get_type_hints
+
+import pydantic
+from pydantic import BaseModel, ConfigDict, Field, PositiveInt
+from pydantic_core import CoreSchema, ErrorDetails, core_schema
+
+from causalbench.core.discovery import settings as discovery_settings
+from causalbench.core.discovery.settings import DiscoverySettings
+from causalbench.core.learners import settings as learner_settings
+from causalbench.core.learners.settings import EvaluationSettings, SACSettings
+from causalbench.suite.positions import Location, PositionedYaml
+
+TierName = Literal["smoke", "quick", "full"]
+TIERS: tuple[str, ...] = get_args(TierName)
+
+MAY_BE_ZERO = {"patience", "learning_starts", "sequence_length", "placebo_gate", "sigma_train", "sigma_kl",
+               "epsilon_cv", "epsilon_normalize", "epsilon_direct", "cooperation_weight"}  # fmt: skip
+"""Settings that may be 0; every other number in a settings record must be positive."""
+
+
+@dataclass(frozen=True)
+class Patch:
+    """Marks a mapping that replaces some fields of a settings record of core, after an optional `preset`.
+
+    Names and types are read from the record, so that they are written once.
+    """
+
+    settings: type[Any]
+    presets: Mapping[str, Any] = dataclasses.field(default_factory=dict, hash=False)
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Every key that the mapping may have."""
+        return (*(("preset",) if self.presets else ()), *(f.name for f in dataclasses.fields(self.settings)))
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: pydantic.GetCoreSchemaHandler) -> CoreSchema:
+        """A typed dict, none of whose keys is required."""
+        fields = {
+            name: core_schema.typed_dict_field(handler.generate_schema(_bounded(name, hint)), required=False)
+            for name, hint in get_type_hints(self.settings).items()
+        }
+        if self.presets:
+            names = core_schema.literal_schema(list(self.presets))
+            fields["preset"] = core_schema.typed_dict_field(names, required=False)
+        return core_schema.typed_dict_schema(fields, extra_behavior="forbid")
+
+    def resolve(self, patches: Iterable[Mapping[str, Any]]) -> Any:
+        """The settings after `patches`, the last one winning; they start from the last preset that is named."""
+        merged: dict[str, Any] = {}
+        for patch in patches:
+            merged |= patch
+        preset = self.presets.get(merged.pop("preset", "quick"))
+        return dataclasses.replace(preset or self.settings(), **merged)
+
+
+def _bounded(name: str, hint: Any) -> Any:
+    if hint not in (int, float):
+        return hint
+    return Annotated[hint, Field(ge=0) if name in MAY_BE_ZERO else Field(gt=0)]
+
+
+LEARNER = Patch(SACSettings, learner_settings.PRESETS)
+EVALUATION = Patch(EvaluationSettings)
+DISCOVERY = Patch(DiscoverySettings, discovery_settings.PRESETS)
+PATCHES = {"learner": LEARNER, "evaluation": EVALUATION, "discovery": DISCOVERY}
+
+
+class _Model(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    learner: Annotated[dict[str, Any], LEARNER] = {}
+    evaluation: Annotated[dict[str, Any], EVALUATION] = {}
+
+
+class Tier(_Model):
+    """How much to run: seeds 0 to `seeds` - 1, `env_steps` of training each."""
+
+    seeds: PositiveInt
+    env_steps: PositiveInt
+    discovery: Annotated[dict[str, Any], DISCOVERY] = {}
+
+
+class PerMethod(_Model):
+    """What differs for one method."""
+
+
+class PerBackend(_Model):
+    """What differs for one backend; `options` go to its `make`."""
+
+    discovery: Annotated[dict[str, Any], DISCOVERY] = {}
+    options: dict[str, str | int | float | bool] = {}
+
+
+class Suite(_Model):
+    """A suite file. Later wins: preset, suite, `per_backend`, `per_method`, tier."""
+
+    version: Literal[1] = Field(alias="schema")
+    name: str = Field(pattern=r"^[A-Za-z0-9_-]+$")
+    task: str
+    backends: tuple[str, ...] = Field(min_length=1)
+    methods: tuple[str, ...] = Field(min_length=1)
+    tiers: dict[TierName, Tier] = Field(min_length=1)
+    discovery: Annotated[dict[str, Any], DISCOVERY] = {}
+    per_method: dict[str, PerMethod] = {}
+    per_backend: dict[str, PerBackend] = {}
+
+
+@dataclass(frozen=True)
+class SuiteFile:
+    """A valid suite and the file it came from."""
+
+    suite: Suite
+    source: PositionedYaml
+
+
+def load_suite(path: Path) -> SuiteFile:
+    """Read a suite file. Raises `SuiteError`; whether its names exist is checked when a plan is made."""
+    source = PositionedYaml(path)
+    if not isinstance(source.data, dict):
+        raise source.mistake((), "expected `key: value` lines; see suites/pure_manip.yaml for an example")
+    try:
+        suite = Suite.model_validate(source.data)
+    except pydantic.ValidationError as error:
+        # A misspelt key also makes the right one missing: name the misspelling.
+        first = min(error.errors(), key=lambda e: e["type"] != "extra_forbidden")
+        raise source.mistake(_without_tags(first["loc"]), _explain(first)) from None
+    for key, names in (("backends", suite.backends), ("methods", suite.methods)):
+        _check_names(source, key, names)
+    for key, overrides, names in (
+        ("per_backend", suite.per_backend, suite.backends),
+        ("per_method", suite.per_method, suite.methods),
+    ):
+        for name in set(overrides) - set(names):
+            raise source.mistake((key, name), f"not one of this suite's: {', '.join(names)}.{_guess(name, names)}")
+    return SuiteFile(suite, source)
+
+
+def _check_names(source: PositionedYaml, key: str, names: tuple[str, ...]) -> None:
+    for index, name in enumerate(names):
+        if name in names[:index]:
+            raise source.mistake((key, index), f"{name!r} is listed twice")
+
+
+def _without_tags(location: Location) -> Location:
+    """Pydantic marks a wrong dictionary key by a last part "[key]", which stands nowhere in the file."""
+    return location[:-1] if location and location[-1] == "[key]" else location
+
+
+def _explain(error: ErrorDetails) -> str:
+    location, given = error["loc"], error["input"]
+    if error["type"] == "extra_forbidden":
+        known = _known_keys(location[:-1])
+        return f"unknown key.{_guess(str(location[-1]), known)} Known: {', '.join(known)}"
+    if error["type"] == "missing":
+        return "this key is missing"
+    if error["type"] == "literal_error":
+        known = _presets(location) or TIERS if location[-1] in ("preset", "[key]") else ()
+        return f"{error['msg'].replace('Input should', 'should')}, got {given!r}.{_guess(str(given), known)}"
+    return f"{error['msg'].replace('Input should', 'should')}, got {given!r}"
+
+
+def _presets(location: Location) -> tuple[str, ...]:
+    return tuple(PATCHES[str(location[-2])].presets) if location[-1] == "preset" else ()
+
+
+def _known_keys(parent: Location) -> tuple[str, ...]:
+    """The keys that may stand below `parent`."""
+    if parent and parent[-1] in PATCHES:
+        return PATCHES[str(parent[-1])].keys
+    below: dict[str, type[_Model]] = {"tiers": Tier, "per_method": PerMethod, "per_backend": PerBackend}
+    model = below[str(parent[0])] if parent else Suite
+    return tuple(field.alias or name for name, field in model.model_fields.items())
+
+
+def _guess(name: str, known: Iterable[str]) -> str:
+    close = difflib.get_close_matches(name, list(known), n=1)
+    return f" Did you mean {close[0]!r}?" if close else ""

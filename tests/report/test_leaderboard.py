@@ -1,0 +1,87 @@
+"""The leaderboard: order, verdicts and what is said about cells that failed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from causalbench.report.leaderboard import COLUMNS, leaderboard
+from causalbench.store.cells import State, Status, StoredCell
+
+
+def cell(method: str, seed: int, backend: str = "toy", state: State = "done") -> StoredCell:
+    identity = {"kind": "learner", "backend": {"name": backend}, "method": {"name": method}, "seed": seed}
+    return StoredCell(f"{backend}-{method}-{seed}", identity, Status(state), Path("nowhere"))
+
+
+def result(method: str, seed: int, auc: float, backend: str = "toy", **more) -> dict:
+    return {
+        "method": method, "backend": backend, "seed": seed, "success_auc": auc, "success_deterministic": auc,
+        "held_rate": None, "steps_to_90": 1000, "discovery_env_steps": 0, "reversals_per_1000_steps": 1.0,
+    } | more  # fmt: skip
+
+
+def board(scores: dict[str, list[float]], backend: str = "toy") -> list[dict]:
+    results = [result(m, s, auc, backend) for m, values in scores.items() for s, auc in enumerate(values)]
+    return leaderboard(results, [cell(row["method"], row["seed"], backend) for row in results])
+
+
+def test_one_seed_gives_an_order_and_no_verdict() -> None:
+    rows = board({"A": [0.2], "B": [0.7]})
+    assert [(r["rank"], r["method"], r["verdict"]) for r in rows] == [
+        (1, "B", "one seed gives no verdict"),
+        (1, "A", "one seed gives no verdict"),
+    ]
+    assert rows[0]["success_auc_iqm_low"] is None
+    assert set(rows[0]) <= set(COLUMNS)
+
+
+def test_four_seeds_are_too_few() -> None:
+    assert board({"A": [0.1] * 4, "B": [0.9] * 4})[0]["verdict"] == "4 seeds give no verdict; 5 are needed"
+
+
+def test_five_seeds_separate_what_never_overlaps() -> None:
+    rows = board(
+        {
+            "low": [0.1, 0.2, 0.15, 0.12, 0.18],
+            "high": [0.8, 0.9, 0.85, 0.82, 0.88],
+            "high2": [0.81, 0.89, 0.85, 0.82, 0.87],
+        }
+    )
+    assert [(r["rank"], r["method"], r["verdict"]) for r in rows] == [
+        (1, "high", "not told apart from high2"),
+        (1, "high2", "better than low"),
+        (3, "low", "nothing is ranked below"),
+    ]
+    assert rows[1]["p_better_than_next"] == 1.0
+    assert rows[0]["success_auc_iqm"] == pytest.approx((0.82 + 0.85 + 0.88) / 3)
+    assert rows[0]["success_auc_iqm_low"] <= rows[0]["success_auc_iqm"] <= rows[0]["success_auc_iqm_high"]
+
+
+def test_steps_to_90_is_a_median_with_never_as_infinity_and_discovery_is_added() -> None:
+    steps = [1000, None, 3000]
+    results = [result("A", s, 0.5, steps_to_90=n, discovery_env_steps=50) for s, n in enumerate(steps)]
+    row = leaderboard(results, [cell("A", s) for s in range(3)])[0]
+    assert (row["steps_to_90"], row["steps_to_90_with_discovery"]) == (3000, 3050)
+    results = [result("A", s, 0.5, steps_to_90=n) for s, n in enumerate([1000, None, None])]
+    assert leaderboard(results, [cell("A", s) for s in range(3)])[0]["steps_to_90"] is None
+
+
+def test_failed_cells_are_counted_and_a_method_without_results_still_stands_there() -> None:
+    cells = [cell("A", 0), cell("A", 1, state="failed"), cell("B", 0, state="diverged"), cell("B", 1, state="pending")]
+    rows = leaderboard([result("A", 0, 0.5)], cells)
+    assert [(r.get("rank"), r["method"], r["seeds"], r["failed_cells"]) for r in rows] == [
+        (1, "A", 1, 1),
+        (None, "B", 0, 1),
+    ]
+    assert rows[1]["verdict"] == "not ranked: no finished cell on toy"
+
+
+def test_several_backends_get_a_board_of_all() -> None:
+    results = [result("A", 0, 0.4, "x"), result("A", 0, 0.6, "y"), result("B", 0, 0.9, "x")]
+    rows = leaderboard(results, [cell("A", 0, "x"), cell("A", 0, "y"), cell("B", 0, "x"), cell("B", 0, "y", "failed")])
+    assert [(r["backend"], r["method"], r.get("success_auc_iqm")) for r in rows] == [
+        ("all", "A", 0.5), ("all", "B", None), ("x", "B", 0.9), ("x", "A", 0.4), ("y", "A", 0.6), ("y", "B", None),
+    ]  # fmt: skip
+    assert rows[1]["verdict"] == "not ranked: no finished cell on y"

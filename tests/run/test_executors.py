@@ -1,0 +1,106 @@
+"""A cell that raises, exits, crashes, is killed or hangs ends alone; what depends on it is skipped with a sentence."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+PLUGIN = """
+import ctypes, os, signal, threading
+from causalbench.errors import DivergedError
+from causalbench.hookspecs import Backend, hookimpl
+
+def raising():
+    raise RuntimeError("the arm fell off")
+
+def diverging():
+    raise DivergedError("a loss is not finite")
+
+WAYS = {
+    "raising": raising,
+    "diverging": diverging,
+    "exiting": lambda: os._exit(3),
+    "killed": lambda: os.kill(os.getpid(), signal.SIGKILL),
+    "segfaulting": lambda: ctypes.string_at(0),
+    "hanging": lambda: threading.Event().wait(),
+}
+
+@hookimpl
+def causalbench_backends(register):
+    for name, make in WAYS.items():
+        register(Backend(name, make, "none", "none"))
+"""
+
+
+@pytest.fixture
+def run(
+    install: Callable[[str, str], Path], tiny_suite: Path, command: list[str], tmp_path: Path
+) -> Callable[..., subprocess.CompletedProcess[str]]:
+    """A function that runs the tiny suite on the given crashing backends with more arguments."""
+    site = install("causalbench-crashing", PLUGIN)
+    env = os.environ | {"PYTHONPATH": os.pathsep.join([str(site), os.environ.get("PYTHONPATH", "")]).strip(os.pathsep)}
+    suite = tmp_path / "suite.yaml"
+
+    def start(backends: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+        suite.write_text(tiny_suite.read_text().replace("[kinematic]", f"[{backends}]"))
+        call = [*command, "run", str(suite), "--tier", "smoke", "--out", str(tmp_path / "run"), "--quiet", *arguments]
+        return subprocess.run(call, capture_output=True, text=True, env=env)
+
+    return start
+
+
+def reasons(run: Path) -> dict[tuple[str, str], tuple[str, str]]:
+    """(backend, method or "discovery") -> (state, reason)."""
+    found = {}
+    for path in run.glob("*/*/cell.json"):
+        cell, status = json.loads(path.read_text()), json.loads((path.parent / "status.json").read_text())
+        what = cell["method"]["name"] if cell["kind"] == "learner" else "discovery"
+        found[cell["backend"]["name"], what] = (status["state"], status["reason"])
+    return found
+
+
+def test_each_way_to_die_ends_one_cell_and_the_rest_goes_on(run: Callable, tmp_path: Path) -> None:
+    done = run("raising, exiting, killed, segfaulting, kinematic", "--jobs", "2")
+    assert done.returncode == 1
+    found = reasons(tmp_path / "run")
+    assert found["kinematic", "mSAC"] == ("done", "")
+    assert found["kinematic", "cmSAC"] == ("done", "")
+    assert found["raising", "mSAC"] == ("failed", "RuntimeError: the arm fell off")
+    assert found["exiting", "mSAC"] == ("failed", "its process exited with code 3; see log.txt")
+    assert found["killed", "mSAC"] == ("failed", "its process was killed by SIGKILL; see log.txt")
+    assert found["segfaulting", "mSAC"] == ("failed", "its process was killed by SIGSEGV; see log.txt")
+    for backend in ("raising", "exiting", "killed", "segfaulting"):
+        state, reason = found[backend, "cmSAC"]
+        assert state == "skipped"
+        assert reason.startswith(f"its causal discovery pure_manipulation-{backend}-s0-")
+        assert reason.endswith(" is failed, so there is no graph")
+    logs = {path.parent.name.split("-")[1]: path.read_text() for path in tmp_path.glob("run/cells/*mSAC-s0*/log.txt")}
+    assert "raise RuntimeError" in logs["raising"]
+    assert "Fatal Python error: Segmentation fault" in logs["segfaulting"]
+    assert "failed. its process was killed by SIGSEGV" in done.stdout
+
+
+def test_a_hang_ends_at_the_time_limit_and_counts_until_it_is_retried(run: Callable, tmp_path: Path) -> None:
+    limit = ("--only", "method=mSAC", "--timeout", "0.02")
+    assert run("hanging, diverging", *limit).returncode == 1
+    found = reasons(tmp_path / "run")
+    assert found["hanging", "mSAC"] == ("timeout", "stopped at the time limit of --timeout")
+    assert found["diverging", "mSAC"] == ("diverged", "a loss is not finite")
+    before = sorted(path.stat().st_mtime_ns for path in tmp_path.glob("run/cells/*/status.json"))
+    assert run("hanging, diverging", *limit).returncode == 1
+    assert sorted(path.stat().st_mtime_ns for path in tmp_path.glob("run/cells/*/status.json")) == before
+    run("hanging, diverging", *limit, "--retry-failed", "--only", "backend=diverging")
+    after = sorted(path.stat().st_mtime_ns for path in tmp_path.glob("run/cells/*/status.json"))
+    assert len(set(after) & set(before)) == 1
+
+
+def test_the_serial_executor_goes_on_after_an_exception(run: Callable, tmp_path: Path) -> None:
+    assert run("raising", "--executor", "serial").returncode == 1
+    found = reasons(tmp_path / "run")
+    assert found["raising", "mSAC"] == ("failed", "RuntimeError: the arm fell off")
+    assert found["raising", "cmSAC"][0] == "skipped"

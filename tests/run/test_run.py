@@ -1,0 +1,178 @@
+"""`causalbench run` as a whole, through the command: results, continuing, kills at any instant."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import random
+import shutil
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+
+RESULT_FILES = ("results.csv", "curves.csv", "returns.csv", "stages.csv", "discovery.csv", "leaderboard.csv")
+
+
+def results(run: Path) -> dict[str, bytes]:
+    return {name: (run / name).read_bytes() for name in RESULT_FILES}
+
+
+def rows(path: Path) -> list[dict[str, str]]:
+    with path.open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def states(run: Path) -> dict[str, str]:
+    return {path.parent.name: json.loads(path.read_text())["state"] for path in run.glob("*/*/status.json")}
+
+
+def arguments(suite: Path, out: Path) -> list[str]:
+    return ["run", str(suite), "--tier", "smoke", "--out", str(out), "--jobs", "2", "--quiet"]
+
+
+def test_a_finished_run_has_every_file_of_the_layout(finished_run: Path) -> None:
+    top = {path.name for path in finished_run.iterdir() if not path.name.startswith(".")}
+    assert top == {*RESULT_FILES, "timing.csv", "environment.json", "suite.yaml", "cells", "discovery"}
+    learner = {"cell.json", "status.json", "progress.csv", "counts.json", "log.txt", "policy"}
+    assert [{p.name for p in cell.iterdir()} for cell in (finished_run / "cells").iterdir()] == [learner] * 2
+    discovery = {"cell.json", "status.json", "graph.json", "kl.csv", "log.txt"}
+    assert [{p.name for p in cell.iterdir()} for cell in (finished_run / "discovery").iterdir()] == [discovery]
+
+
+def test_results_have_the_columns_of_the_contract_and_agree_with_the_curves(finished_run: Path) -> None:
+    header = (finished_run / "results.csv").read_text().splitlines()[0]
+    assert header == (
+        "task,backend,method,seed,env_steps,discovery_env_steps,episodes,success_deterministic,success_sampled,"
+        "success_low,success_high,held_rate,success_auc,steps_to_90,mean_final_stage,reversals_per_episode,"
+        "reversals_per_1000_steps,mean_return,graph"
+    )
+    found = rows(finished_run / "results.csv")
+    assert [(row["method"], row["seed"], row["env_steps"]) for row in found] == [
+        ("cmSAC", "0", "120"),
+        ("mSAC", "0", "120"),
+    ]
+    graph = json.loads(next(finished_run.glob("discovery/*/graph.json")).read_text())
+    assert [row["graph"] for row in found] == [graph["hash"], ""]
+    assert [row["discovery_env_steps"] for row in found] == [str(graph["env_steps"]), "0"]
+    curves = rows(finished_run / "curves.csv")
+    assert {row["env_steps"] for row in curves} == {"60", "120"}
+    assert [row["mean_final_stage"] for row in curves if row["env_steps"] == "120"] == [
+        r["mean_final_stage"] for r in found
+    ]
+
+
+def test_transitions_of_training_add_up_to_the_budget(finished_run: Path) -> None:
+    moves = [row for row in rows(finished_run / "stages.csv") if row["quantity"] == "transitions"]
+    for method in ("cmSAC", "mSAC"):
+        assert sum(int(row["count"]) for row in moves if row["method"] == method) == 120
+
+
+def test_discovery_rows_are_the_graph(finished_run: Path) -> None:
+    graph = json.loads(next(finished_run.glob("discovery/*/graph.json")).read_text())
+    found = rows(finished_run / "discovery.csv")
+    for stage in graph["stages"]:
+        here = [row for row in found if row["stage"] == str(stage["stage"])]
+        expected = [[int(x) for x in column] for column in zip(*stage["matrix"], strict=True)]
+        width = len(stage["actions"])
+        selected = [int(row["selected"]) for row in here]
+        assert [selected[i : i + width] for i in range(0, len(selected), width)] == expected
+        assert [row["action"] for row in here] == stage["actions"] * len(stage["terms"])
+
+
+def test_the_serial_executor_gives_the_same_bytes(
+    finished_run: Path, tiny_suite: Path, command: list[str], tmp_path: Path
+) -> None:
+    subprocess.run(
+        [*command, *arguments(tiny_suite, tmp_path / "run"), "--executor", "serial"], check=True, capture_output=True
+    )
+    assert results(tmp_path / "run") == results(finished_run)
+
+
+def test_a_second_command_runs_only_what_is_missing_or_failed(
+    finished_run: Path, tiny_suite: Path, command: list[str], tmp_path: Path
+) -> None:
+    run = tmp_path / "run"
+    shutil.copytree(finished_run, run)
+    kept, again = sorted((run / "cells").iterdir())
+    (again / "status.json").write_text(json.dumps({"state": "failed", "reason": "x", "seconds": 1.0, "env_steps": 0}))
+    before = (kept / "status.json").stat().st_mtime_ns
+    done = subprocess.run([*command, *arguments(tiny_suite, run)[:-1]], check=True, capture_output=True, text=True)
+    assert "1 of 3 cells to run" in done.stderr
+    assert (kept / "status.json").stat().st_mtime_ns == before
+    assert results(run) == results(finished_run)
+
+
+def test_ctrl_c_leaves_no_failed_cell_and_no_process(tiny_suite: Path, command: list[str], tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    process = subprocess.Popen(
+        [*command, *arguments(tiny_suite, out)[:-1]], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
+        start_new_session=True,
+    )  # fmt: skip
+    assert process.stderr is not None
+    next(line for line in process.stderr if "%" in line)  # a cell is at work
+    os.killpg(process.pid, signal.SIGINT)
+    rest = process.stderr.read()  # ends when nothing holds the pipe any more: parent, fork server and cells
+    assert process.wait() == 130
+    assert "stopped; the same command continues with what is missing" in rest
+    assert "Traceback" not in rest
+    assert "failed" not in states(out).values()
+
+
+def kill_at_instants(n: int, finished_run: Path, suite: Path, command: list[str], folder: Path, span: float) -> None:
+    """Kill the command at `n` seeded instants within `span` seconds, then let it end; each run must give the same files."""
+    rng = random.Random(20_240)
+    kills, attempt = 0, 0
+    while kills < n:
+        out = folder / f"run{attempt}"
+        attempt += 1
+        while True:
+            process = subprocess.Popen(
+                [*command, *arguments(suite, out)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+            )
+            if kills == n:
+                assert process.wait() == 0
+                break
+            try:
+                if process.wait(timeout=rng.uniform(0.0, span)) == 0:
+                    break
+            except subprocess.TimeoutExpired:
+                process.send_signal(signal.SIGKILL)
+                process.wait()
+                kills += 1
+            check_whole(out)
+        assert results(out) == results(finished_run)
+        assert set(states(out).values()) == {"done"}
+
+
+def check_whole(out: Path) -> None:
+    """Every cell that says it is done has all its files, and none has failed."""
+    for name, state in states(out).items():
+        assert state in ("done", "running"), name
+        if state == "done" and (cell := out / "cells" / name).exists():
+            assert {"progress.csv", "counts.json", "policy"} <= {path.name for path in cell.iterdir()}
+
+
+@pytest.fixture
+def span(finished_run: Path, tiny_suite: Path, command: list[str], tmp_path: Path) -> float:
+    """Seconds that an uninterrupted run takes on this machine now."""
+    started = time.monotonic()
+    subprocess.run([*command, *arguments(tiny_suite, tmp_path / "timed")], check=True, capture_output=True)
+    assert results(tmp_path / "timed") == results(finished_run)
+    return time.monotonic() - started
+
+
+def test_kill_9_at_four_instants(
+    finished_run: Path, tiny_suite: Path, command: list[str], tmp_path: Path, span: float
+) -> None:
+    kill_at_instants(4, finished_run, tiny_suite, command, tmp_path, span)
+
+
+@pytest.mark.long
+def test_kill_9_at_twenty_instants(
+    finished_run: Path, tiny_suite: Path, command: list[str], tmp_path: Path, span: float
+) -> None:
+    kill_at_instants(20, finished_run, tiny_suite, command, tmp_path, span)

@@ -1,0 +1,94 @@
+"""The suite file: what is read from it, and what each mistake says."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from causalbench.errors import SuiteError
+from causalbench.suite.schema import DISCOVERY, LEARNER, load_suite
+
+GOOD = """\
+schema: 1
+name: demo
+task: pure_manipulation
+backends: [kinematic]
+methods: [cmSAC, mSAC]
+tiers:
+  quick:
+    seeds: 1
+    env_steps: 20_000
+evaluation:
+  every: 2_000
+discovery:
+  preset: quick
+learner:
+  preset: quick
+  learning_rate: 1e-3
+per_method:
+  mSAC:
+    learner: {gamma: 0.9}
+"""
+
+
+def write(folder: Path, text: str) -> Path:
+    path = folder / "demo.yaml"
+    path.write_text(text)
+    return path
+
+
+def test_a_good_file_keeps_what_it_says_in_the_types_of_core(tmp_path: Path) -> None:
+    suite = load_suite(write(tmp_path, GOOD)).suite
+    assert suite.tiers["quick"].env_steps == 20_000
+    assert suite.learner == {"preset": "quick", "learning_rate": 0.001}  # YAML reads 1e-3 as text
+    assert suite.per_method["mSAC"].learner == {"gamma": 0.9}
+
+
+def test_the_shipped_suites_are_valid() -> None:
+    suites = sorted((Path(__file__).parents[2] / "suites").glob("*.yaml"))
+    assert [load_suite(path).suite.name for path in suites] == [path.stem for path in suites]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "message"),
+    [
+        ("learning_rate:", "learning_rte:", 16, "learner.learning_rte: unknown key. Did you mean 'learning_rate'?"),
+        ("evaluation:", "evalution:", 10, "evalution: unknown key. Did you mean 'evaluation'?"),
+        ("    seeds: 1", "    sedes: 1", 8, "tiers.quick.sedes: unknown key. Did you mean 'seeds'? Known: learner,"),
+        ("gamma:", "gama:", 19, "per_method.mSAC.learner.gama: unknown key. Did you mean 'gamma'?"),
+        ("  mSAC:", "  mSAK:", 18, "per_method.mSAK: not one of this suite's: cmSAC, mSAC. Did you mean 'mSAC'?"),
+        ("  quick:", "  quik:", 7, "tiers.quik: should be 'smoke', 'quick' or 'full', got 'quik'. Did you mean 'quick'?"),
+        ("discovery:\n  preset: quick", "discovery:\n  preset: papr", 13,
+         "discovery.preset: should be 'quick' or 'paper', got 'papr'. Did you mean 'paper'?"),
+        ("20_000", "lots", 9,
+         "tiers.quick.env_steps: should be a valid integer, unable to parse string as an integer, got 'lots'"),
+        ("every: 2_000", "every: 0", 11, "evaluation.every: should be greater than 0, got 0"),
+        ("task: pure_manipulation\n", "", 1, "task: this key is missing"),
+        ("schema: 1", "schema: 2", 1, "schema: should be 1, got 2."),
+        ("[cmSAC, mSAC]", "[cmSAC, mSAC, cmSAC]", 5, "methods.2: 'cmSAC' is listed twice"),
+        ("task: pure", "name: other\ntask: pure", 3, "name: this key is given twice"),
+        ("[kinematic]", "[kinematic", 5, "not valid YAML: expected ',' or ']', but got ':'"),
+    ],
+)  # fmt: skip
+def test_a_mistake_names_file_line_key_and_the_nearest_name(
+    tmp_path: Path, old: str, new: str, line: int, message: str
+) -> None:
+    assert GOOD.count(old) == 1, "the replacement must change one place"
+    path = write(tmp_path, GOOD.replace(old, new))
+    with pytest.raises(SuiteError) as caught:
+        load_suite(path)
+    assert str(caught.value).startswith(f"{path}:{line}: {message}")
+
+
+def test_a_missing_file_and_an_empty_one_say_what_is_expected(tmp_path: Path) -> None:
+    with pytest.raises(SuiteError, match=r"nowhere.yaml: cannot be read .*expected a suite file"):
+        load_suite(tmp_path / "nowhere.yaml")
+    with pytest.raises(SuiteError, match=r"demo.yaml:1: the file: expected `key: value` lines"):
+        load_suite(write(tmp_path, ""))
+
+
+def test_settings_start_from_the_last_preset_and_the_last_value_wins() -> None:
+    settings = LEARNER.resolve([{"preset": "quick", "gamma": 0.5, "tau": 0.1}, {"preset": "paper", "gamma": 0.7}])
+    assert (settings.net_arch, settings.gamma, settings.tau) == ((512, 512), 0.7, 0.1)
+    assert DISCOVERY.resolve([]).training_count == 3_000

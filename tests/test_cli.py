@@ -1,0 +1,128 @@
+"""The command line: what it prints, its exit codes, and what it does not import."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+
+@pytest.fixture
+def call(command: list[str], tmp_path: Path) -> Callable[..., subprocess.CompletedProcess[str]]:
+    """A function that runs the command with the given arguments in an empty folder."""
+
+    def start(*arguments: str | Path, **env: str) -> subprocess.CompletedProcess[str]:
+        full = [*command, *map(str, arguments)]
+        return subprocess.run(full, capture_output=True, text=True, cwd=tmp_path, env=os.environ | env)
+
+    return start
+
+
+def test_help_names_every_command_and_imports_nothing_heavy() -> None:
+    code = (
+        "import sys; sys.argv = ['causalbench', '--help']\n"
+        "import atexit; atexit.register(lambda: print('MODULES', *sys.modules))\n"
+        "from causalbench.cli import main; main()"
+    )
+    text = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    shown, _, modules = text.partition("MODULES")
+    for name in ("run", "plan", "discover", "leaderboard", "backends"):
+        assert f" {name} " in shown
+    heavy = {"torch", "numpy", "pandas", "gymnasium", "pydantic", "yaml", "mujoco", "stable_baselines3"}
+    assert heavy.isdisjoint(modules.split())
+
+
+def test_a_mistake_in_the_suite_is_one_line_and_exit_code_2(call: Callable, tiny_suite: Path, tmp_path: Path) -> None:
+    bad = tmp_path / "bad.yaml"
+    bad.write_text(tiny_suite.read_text().replace("mSAC]", "mmSAC]"))
+    done = call("run", bad, "--tier", "smoke")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == (
+        f"error: {bad}:5: methods.1: unknown method 'mmSAC'. Did you mean 'cmmSAC'? Known: cSAC, cmSAC, cmmSAC, mSAC.\n"
+    )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--tier", "quick"], "error: unknown tier 'quick'. Known: smoke."),
+        (["--tier", "smoke", "--out", "/proc/run"], "error: /proc/run: cannot be written ("),
+        (["--tier", "smoke", "--only", "seed=4"], "error: unknown seed in --only '4'. Known: 0."),
+        (["--tier", "smoke", "--executor", "serial", "--timeout", "1"], "error: --timeout needs a process per cell"),
+    ],
+)
+def test_other_mistakes_of_run(call: Callable, tiny_suite: Path, arguments: list[str], message: str) -> None:
+    done = call("run", tiny_suite, *arguments)
+    assert done.returncode == 2
+    assert done.stderr.splitlines()[-1].startswith(message)
+    assert "Traceback" not in done.stderr
+
+
+def test_a_run_with_another_budget_does_not_mix_into_a_folder(
+    call: Callable, tiny_suite: Path, finished_run: Path, tmp_path: Path
+) -> None:
+    other = tmp_path / "other.yaml"
+    other.write_text(tiny_suite.read_text().replace("env_steps: 120", "env_steps: 240"))
+    done = call("run", other, "--tier", "smoke", "--out", finished_run)
+    assert done.returncode == 2
+    assert "the budget is {'env_steps': 240} and {'env_steps': 120}; use another --out" in done.stderr
+
+
+def test_plan_estimates_from_what_has_run(call: Callable, tiny_suite: Path, finished_run: Path) -> None:
+    done = call("plan", tiny_suite, "--tier", "smoke", "--seeds", "2", "--out", finished_run, "--json")
+    cells = json.loads(done.stdout)["cells"]
+    assert [(cell["kind"], cell["state"]) for cell in cells] == [
+        ("discovery", "done"), ("learner", "done"), ("learner", "pending"), ("learner", "done"), ("learner", "pending"),
+    ]  # fmt: skip
+    seconds = [cell["seconds"] for cell in cells]
+    assert (seconds[2], seconds[4]) == (pytest.approx(seconds[1]), pytest.approx(seconds[3]))
+    table = call("plan", tiny_suite, "--tier", "smoke", "--out", finished_run).stdout
+    assert "About 0.0 minutes left" in table
+    assert "No estimate for some cells" in call("plan", tiny_suite, "--tier", "smoke").stdout
+
+
+def test_leaderboard_prints_the_verdict_of_one_seed_plainly(call: Callable, finished_run: Path) -> None:
+    shown = call("leaderboard", finished_run).stdout
+    assert shown.count("one seed gives no verdict") == 2
+    rows = json.loads(call("leaderboard", finished_run, "--json").stdout)
+    with (finished_run / "leaderboard.csv").open(newline="") as file:
+        assert [row["method"] for row in csv.DictReader(file)] == [row["method"] for row in rows]
+    empty = call("leaderboard", finished_run / "cells")
+    assert empty.returncode == 2
+    assert "no cells here; give the folder that `causalbench run` wrote" in empty.stderr
+
+
+def test_a_finished_run_again_does_nothing_and_prints_json(
+    call: Callable, tiny_suite: Path, finished_run: Path
+) -> None:
+    done = call("run", tiny_suite, "--tier", "smoke", "--out", finished_run, "--json")
+    assert (done.returncode, done.stderr) == (0, "")
+    content = json.loads(done.stdout)
+    assert [cell["state"] for cell in content["cells"]] == ["done"] * 3
+    assert {row["method"] for row in content["leaderboard"]} == {"cmSAC", "mSAC"}
+
+
+def test_backends_lists_a_broken_plugin_with_its_error(call: Callable, install: Callable[[str, str], Path]) -> None:
+    site = install("causalbench-broken", "import a_simulator_that_is_not_here")
+    path = os.pathsep.join([str(site), os.environ.get("PYTHONPATH", "")]).strip(os.pathsep)
+    done = call("backends", PYTHONPATH=path)
+    assert done.returncode == 0
+    assert "kinematic" in done.stdout
+    broken = next(line for line in done.stdout.splitlines() if "causalbench-broken" in line)
+    assert "ModuleNotFoundError: No module named 'a_simulator_that_is_not_here'" in broken
+
+
+def test_discover_refuses_what_does_not_exist(call: Callable) -> None:
+    done = call("discover", "--preset", "papr")
+    assert (done.returncode, done.stderr) == (
+        2,
+        "error: unknown preset 'papr'. Did you mean 'paper'? Known: paper, quick.\n",
+    )
+    done = call("discover", "--backend", "gymrobot9")
+    assert (done.returncode, done.stderr.startswith("error: unknown backend 'gymrobot9'.")) == (2, True)
