@@ -45,10 +45,10 @@ test: env
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -m 'not long' -n $(PYTEST_WORKERS)
+	$(BIN)/python -m pytest -m 'not long' -n $(PYTEST_WORKERS)
 
 test-long: env
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -m long
+	$(BIN)/python -m pytest -m long
 
 speed: env
 	@set -e; found=; for script in benchmarks/*_speed.py; do \

@@ -6,6 +6,7 @@ matches anything is reported after a full run; a run in which no test ran to its
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass, field
@@ -13,6 +14,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+
+# Before anything imports torch: on shared cores its threads wait for one another, and small networks need none.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 pytest_plugins = ("pytester",)
 

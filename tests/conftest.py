@@ -1,22 +1,31 @@
-"""Backends under test. A backend joins every protocol test by its name in `BACKENDS`."""
-
-from __future__ import annotations
+"""Settings that every test shares."""
 
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
+import torch
 
 from causalbench.core.env import StageTaskEnv
-from causalbench.core.kinematic import KinematicScene
 from causalbench.core.scene import Scene
-from causalbench.core.tasks.pure_manipulation import TASK
+from causalbench.plugins import installed
+from causalbench.registration import make_env
 
-# Named, not looked up: a plugin that is not installed must fail here, never go missing.
-BACKENDS = ("kinematic",)
+# Two threads in each of several test processes on a few cores wait for each other: up to 50 times slower.
+torch.set_num_threads(1)
+
+# Named, not looked up: a plugin or simulator that is not installed must fail here, never go missing.
+BACKENDS = ("kinematic", "gymrob")
+
+
+@pytest.fixture
+def backends() -> tuple[str, ...]:
+    """Names of all backends under test."""
+    return BACKENDS
 
 
 @pytest.fixture(params=BACKENDS)
@@ -30,7 +39,7 @@ def make_scene(backend: str) -> Iterator[Callable[[], Scene]]:
     scenes: list[Scene] = []
 
     def make() -> Scene:
-        scenes.append(KinematicScene())
+        scenes.append(installed().backend(backend).make())
         return scenes[-1]
 
     yield make
@@ -39,13 +48,17 @@ def make_scene(backend: str) -> Iterator[Callable[[], Scene]]:
 
 
 @pytest.fixture
-def make_pure(make_scene: Callable[[], Scene]) -> Callable[..., StageTaskEnv]:
-    """A function that makes pure manipulation environments of the backend."""
+def make_pure(backend: str) -> Iterator[Callable[..., StageTaskEnv]]:
+    """A function that makes pure manipulation environments of the backend; they are closed after the test."""
+    envs: list[StageTaskEnv] = []
 
-    def make(**options) -> StageTaskEnv:
-        return StageTaskEnv(TASK, make_scene(), **options)
+    def make(**options: Any) -> StageTaskEnv:
+        envs.append(make_env("pure_manipulation", backend, **options))
+        return envs[-1]
 
-    return make
+    yield make
+    for env in envs:
+        env.close()
 
 
 @pytest.fixture

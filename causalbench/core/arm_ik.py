@@ -252,4 +252,6 @@ def pose(chain: Chain, q: Array) -> tuple[Array, Array]:
 @cache
 def announce() -> None:
     """Log once per process that what follows may compile, so that a silent first half minute has a reason."""
-    logging.getLogger(__name__).info("preparing the arm kinematics; the first use on a machine compiles them (20 s)")
+    logging.getLogger(__name__).info(
+        "preparing the arm's kinematics: their first use on a machine compiles them, which takes half a minute"
+    )

@@ -251,14 +251,12 @@ def test_one_seed_gives_one_trajectory_in_a_new_process(make_pure, backend):
         [
             "import hashlib",
             "import numpy as np",
-            "from causalbench.core.env import StageTaskEnv",
-            "from causalbench.core.kinematic import KinematicScene",
-            "from causalbench.core.tasks.pure_manipulation import TASK",
+            "from causalbench.registration import make_env",
             inspect.getsource(digest),
-            "print(digest(StageTaskEnv(TASK, KinematicScene()), 5))",
+            f"print(digest(make_env('pure_manipulation', {backend!r}), 5))",
         ]
     )
-    command = [sys.executable, "-c", script, backend]
+    command = [sys.executable, "-c", script]
     there = subprocess.run(command, capture_output=True, text=True, check=True, stdin=subprocess.DEVNULL)
     assert there.stdout.split()[-1] == digest(make_pure(), 5)
 

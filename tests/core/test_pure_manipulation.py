@@ -14,7 +14,7 @@ from causalbench.core.tasks import pure_manipulation as task
 from causalbench.core.tasks.stages import judge
 
 STILL = np.zeros(7)
-FAR, HOVER, LOW, AT_BOX = (0.3, 0.2, 0.4), (0.0, 0.0, 0.15), (0.0, 0.0, 0.10), (0.0, 0.0, 0.0)
+FAR, HOVER, LOW, AT_BOX = (0.3, 0.2, 0.4), (0.0, 0.0, 0.15), (0.0, 0.0, 0.10), (0.0, 0.0, 0.012)
 TILTED, UPRIGHT = 0.5, 0.05
 YES = np.bool_(True)
 
@@ -46,8 +46,9 @@ def terms(previous, action, now) -> dict[str, float]:
         (LOW, TILTED, 1),
         (AT_BOX, TILTED, 1),
         ((0.0, 0.0, 0.18), UPRIGHT, 1),
-        ((0.03, 0.0, 0.0), UPRIGHT, 1),
-        # Either side of each tolerance: 20 mm in x and y, 20 mm about the hover height, 15 mm about the box, 0.1 rad.
+        ((0.03, 0.0, 0.012), UPRIGHT, 1),
+        # Either side of each tolerance: 20 mm in x and y, 20 mm about the hover height, 12 mm about
+        # 12 mm above the box centre, 0.1 rad.
         ((0.0199, -0.0199, 0.15), TILTED, 2),
         ((0.0201, 0.0, 0.15), TILTED, 1),
         ((-0.0201, 0.0, 0.15), TILTED, 1),
@@ -59,10 +60,10 @@ def terms(previous, action, now) -> dict[str, float]:
         ((0.0, 0.0, 0.1701), TILTED, 1),
         ((0.0, 0.0, 0.1699), UPRIGHT, 3),
         ((0.0, 0.0, 0.1701), UPRIGHT, 1),
-        ((0.0, 0.0, 0.0151), UPRIGHT, 3),
-        ((0.0, 0.0, 0.0149), UPRIGHT, 4),
-        ((0.0, 0.0, -0.0149), UPRIGHT, 4),
-        ((0.0, 0.0, -0.0151), UPRIGHT, 1),
+        ((0.0, 0.0, 0.0241), UPRIGHT, 3),
+        ((0.0, 0.0, 0.0239), UPRIGHT, 4),
+        ((0.0, 0.0, 0.0001), UPRIGHT, 4),
+        ((0.0, 0.0, -0.0001), UPRIGHT, 1),
         (HOVER, 0.1001, 2),
         (HOVER, 0.0999, 3),
         (HOVER, -0.0999, 3),
@@ -196,7 +197,7 @@ def test_success_is_judged_on_the_pose_before_the_motion(pose):
     assert not task.success(low, held)
     assert not task.success(at_box, at_box)
     assert not task.success(held, at_box)
-    assert terms(low, grip(1.0), held) == pytest.approx({"r_eefz2": 1.0, "r_gripper": -0.5, "r_success": 2.0})
+    assert terms(low, grip(1.0), held) == pytest.approx({"r_eefz2": 0.88, "r_gripper": -0.5, "r_success": 2.0})
 
 
 def test_reversal(pose):
@@ -349,7 +350,8 @@ def test_layouts_are_upright_boxes_unit_quaternions_and_openings_within_range(st
             assert np.linalg.norm(q) == pytest.approx(1.0, abs=1e-12)
             assert q[0] >= 0
         np.testing.assert_allclose(rotate(layout.target.quaternion, np.array([0.0, 0.0, 1.0])), [0, 0, 1], atol=1e-12)
-        assert 0.04 <= layout.gripper_opening <= 0.1
+        # Never narrower than the box, 3 cm.
+        assert 0.03 < layout.gripper_opening <= 0.1
         (table,) = layout.fixtures
         assert table.position[2] + table.half_extents[2] == pytest.approx(0.7)
         # The hand starts 29 to 49 degrees off straight down in stage 1, at most the tolerance off in stages 3 and 4.

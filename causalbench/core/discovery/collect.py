@@ -19,10 +19,10 @@ Floats = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class Samples:
-    """Transitions of one stage. `actions` has the task's actions and, last, the placebo that no scene sees."""
+    """Transitions of one stage. `actions` has the task's actions and, last, the placebos that no scene sees."""
 
     states: Floats  # (n, n_state + 1): the paper's variables and the gripper opening
-    actions: Floats  # (n, n_actions + 1)
+    actions: Floats  # (n, n_actions + n_placebos)
     rewards: Floats  # (n, n_terms of the stage)
 
     def without(self, k: int) -> Samples:
@@ -45,9 +45,10 @@ def collect(
     do: int | None,
     rng: np.random.Generator,
     sequence_length: int,
+    n_placebos: int,
     on_step: Callable[[int], None],
 ) -> Samples:
-    """`count` transitions under uniform random actions, action `do` held at 0 (the index n_actions is the placebo).
+    """`count` transitions under uniform random actions and placebos, action `do` (if any) held at 0.
 
     A step that leaves the stage is kept with the old stage's reward, which is a function of (s, a); then the
     world is reset into the stage. Dropping it would select samples by a consequence of the action. A sequence
@@ -68,7 +69,7 @@ def collect(
             reset_worlds(task, batch, restart.tolist(), [rng] * restart.size, stage)
             length[restart] = 0
             before = batch.facts()
-        actions = rng.uniform(-1.0, 1.0, (batch.n, n_actions + 1))
+        actions = rng.uniform(-1.0, 1.0, (batch.n, n_actions + n_placebos))
         if do is not None:
             actions[:, do] = 0.0
         full[:, columns] = actions[:, :n_actions]

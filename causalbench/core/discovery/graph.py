@@ -24,7 +24,7 @@ class StageGraph:
     """The matrix of one stage and the numbers behind it; rows are actions, columns are reward terms.
 
     `kl` is KL(P1||P2), `kl_reverse` KL(P2||P1), P1 = p(r | s, do(a_k = 0)) and P2 = p(r | s, random a_k);
-    `kl_symmetric` their mean; all in nats, with the placebo's value per term in `placebo_kl` in the direction used.
+    `kl_symmetric` their mean; all in nats, `placebo_kl` is the largest placebo's in the direction used.
     `cv` and `kl_normalised` are those of Algorithm 2. A term whose reward never varied is untestable: its column is
     taken from the task's declared graph.
     """

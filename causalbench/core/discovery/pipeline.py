@@ -67,9 +67,9 @@ def _discover_stage(
 ) -> tuple[StageGraph, int, str]:
     """(graph of the stage, env steps taken, digest of its data)."""
     terms = task.stage_terms(stage, discoverable_only=True)
-    n_probed = len(task.actions) + bool(settings.placebo_gate)  # the placebo is probed like an action
+    n_actions = len(task.actions)
     inference_count = round(settings.inference_fraction * settings.training_count)
-    planned = (1 + n_probed) * settings.training_count + inference_count
+    planned = (1 + n_actions + bool(settings.n_placebos)) * settings.training_count + inference_count
     steps = 0
 
     def report(share_of_stage: float, doing: str) -> None:
@@ -82,11 +82,15 @@ def _discover_stage(
 
     def gather(count: int, stream: int, do: int | None) -> Samples:
         rng = np.random.default_rng([seed, stage, stream])
-        return collect(task, batch, stage, count, do, rng, settings.sequence_length, on_step)
+        return collect(task, batch, stage, count, do, rng, settings.sequence_length, settings.n_placebos, on_step)
 
     random = gather(settings.training_count, 0, None)
     inference = gather(inference_count, 1, None)
-    interventions = [gather(settings.training_count, 2 + k, k) for k in range(n_probed)]
+    interventions = [gather(settings.training_count, 2 + k, k) for k in range(n_actions)]
+    if settings.n_placebos:
+        # No scene sees a placebo, so holding one at 0 is just another random draw with its column set to 0.
+        unaffected = gather(settings.training_count, 2 + n_actions, None)
+        interventions += [unaffected.without(n_actions + p) for p in range(settings.n_placebos)]
     models = train_reward_models(
         random,
         interventions,
@@ -96,7 +100,7 @@ def _discover_stage(
     )
     pairs = [
         divergence(*models.predict(inference.without(k), k), *models.predict(inference, k), settings.sigma_kl)
-        for k in range(n_probed)
+        for k in range(len(interventions))
     ]
     kl = Divergence(*(torch.stack(column).numpy() for column in zip(*pairs, strict=True)))
     graph = _select_stage(task, stage, terms, kl, term_scale(random)[1], settings)
@@ -112,12 +116,12 @@ def _select_stage(
     testable: np.ndarray,
     settings: DiscoverySettings,
 ) -> StageGraph:
-    """Algorithm 2 on every term, then the placebo gate; `kl` holds (n_probed, n_terms) arrays."""
+    """Algorithm 2 on every term, then the placebo gate; `kl` holds (n_actions + n_placebos, n_terms) arrays."""
     k = len(task.actions)
     used = np.asarray(getattr(kl, settings.direction)).clip(min=0.0)
     matrix = declared_matrix(task, stage, terms)
     cv, normalised = np.zeros(len(terms)), np.zeros((k, len(terms)))
-    placebo = used[k] if settings.placebo_gate else None
+    placebo = used[k:].max(0) if settings.n_placebos else None
     for j in range(len(terms)):
         choice = select_causal_actions(
             used[:k, j], settings.epsilon_cv, settings.epsilon_normalize, settings.epsilon_direct

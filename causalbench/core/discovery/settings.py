@@ -23,7 +23,8 @@ class DiscoverySettings:
     epsilon_cv: float = 1.0
     epsilon_normalize: float = 0.1
     epsilon_direct: float = 0.01
-    placebo_gate: float = 3.0  # an action counts only if its KL exceeds this times the placebo's; 0 is literal
+    n_placebos: int = 3  # action dimensions that no scene sees, probed like actions; 0 is the literal reading
+    placebo_gate: float = 3.0  # an action counts only if its KL exceeds this times the largest placebo's
 
 
 PRESETS = {
@@ -34,7 +35,7 @@ PRESETS = {
         learning_rate=5e-4,
         max_epochs=100,
         patience=0,
-        placebo_gate=0.0,
+        n_placebos=0,
     ),
 }
 """Named starting points; "paper" keeps the data sizes and the optimisation of the paper's hyperparameter setting."""

@@ -27,13 +27,14 @@ TABLE_GAP = 0.1  # m from the nearest object start to the table's near edge
 BOX_YAW = 0.1  # rad either way
 TILT_LOW, TILT_HIGH = 0.5, 0.85  # rad by which a starting hand points forward of straight down
 ROLL = 0.3  # rad either way about the hand's own x axis
+CLOSING_SLACK = 0.02  # m: at most so much wider than the box is the gripper at a start inside stage 4
 
 HOVER = 0.15  # m above the box centre: where stage 1 ends
-GRASP_HEIGHT = 0.0  # m above the box centre: where stage 3 ends
+GRASP_HEIGHT = 0.012  # m above the box centre: where stage 3 ends, high enough that no fingertip meets the table
 TOLERANCE_XY = 0.02  # m, each world axis
 TOLERANCE_HOVER = 0.02  # m
 TOLERANCE_ORI = 0.10  # rad between the approach axis and straight down
-TOLERANCE_GRASP = 0.015  # m
+TOLERANCE_GRASP = 0.012  # m
 
 DISTANCE_SCALE = 10.0  # reward per metre (lambda of the paper, Reward Setting)
 ANGLE_SCALE = 2.0  # reward per radian
@@ -102,9 +103,13 @@ def draw_layout(rng: np.random.Generator, workspace: Workspace, max_opening: flo
         lowest = GRASP_HEIGHT + TOLERANCE_GRASP
         hand[2] = box[2] + lowest + unit[5] * (HOVER + TOLERANCE_HOVER - lowest)
     if stage == 4:
+        # Part-way through closing, the box between the pads: from wide open, random actions leave the stage long
+        # before the pads meet the box, and the grasp could not be tested at all.
+        slack = CLOSING_SLACK * unit[8]
+        width = 2 * (BOX_HALF_EXTENTS[1] + BOX_HALF_EXTENTS[0] * BOX_YAW * abs(spread[2]))
+        opening = width + 0.1 * CLOSING_SLACK + slack
+        hand[1] = box[1] + spread[4] * slack / 2
         hand[2] = box[2] + GRASP_HEIGHT + TOLERANCE_GRASP * spread[5]
-        narrowest = 2 * BOX_HALF_EXTENTS[1] + 0.01  # m: a centimetre wider than the box
-        opening = narrowest + unit[8] * (max_opening - narrowest)
     posture = rotations.multiply(
         rotations.multiply(FACE_DOWN, rotations.from_axis_angle(1, pitch)), rotations.from_axis_angle(0, roll)
     )

@@ -10,6 +10,8 @@ from causalbench.hookspecs import Backend, hookimpl
 if TYPE_CHECKING:
     from causalbench.core.scene import Scene
 
+__version__ = "0.1.0"
+
 
 def make(control_hz: float = 10.0, timestep: float = 0.005) -> Scene:
     """A new scene that takes `control_hz` actions per second and integrates in steps of `timestep` seconds.

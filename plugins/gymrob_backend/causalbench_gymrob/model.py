@@ -157,13 +157,16 @@ def _furnish(spec: mujoco.MjSpec, n_fixtures: int) -> None:
     box = spec.geom(OBJECT)
     box.friction, box.condim, box.contype, box.conaffinity = [1.0, 0.02, 0.001], 4, ALL_BITS, ALL_BITS
     box.material, box.rgba = "", [0.85, 0.2, 0.1, 1.0]
-    # A free body takes its mass from the geom here so that its inertia can be set with the layout.
-    box.mass = 0.2
-    eye, at = np.array([1.3, -1.3, 1.5]), np.array([0.2, 0.4, 0.6])
+    _add_camera(spec)
+
+
+def _add_camera(spec: mujoco.MjSpec) -> None:
+    """The camera "scene": it sees the hand and the table when the base stands at the origin and faces world y."""
+    eye, at = np.array([1.3, 1.7, 1.35]), np.array([0.05, 0.5, 0.72])
     forward = (at - eye) / np.linalg.norm(at - eye)
     right = np.cross(forward, [0.0, 0.0, 1.0])
     right /= np.linalg.norm(right)
-    spec.worldbody.add_camera(name="scene", pos=eye, xyaxes=[*right, *np.cross(right, forward)], fovy=50.0)
+    spec.worldbody.add_camera(name="scene", pos=eye, xyaxes=[*right, *np.cross(right, forward)], fovy=45.0)
 
 
 def arm_chain(model: mujoco.MjModel) -> Chain:

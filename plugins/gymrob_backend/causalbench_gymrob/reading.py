@@ -14,6 +14,8 @@ Array = NDArray[np.float64]
 FIXTURE, FLOOR, BASE, ARM, LEFT, RIGHT, TARGET = range(7)
 """Classes of geoms. LEFT and RIGHT are the fingers; ARM is the arm and the palm."""
 
+HOLDING_FORCE = 5.0  # N of each pad on the object: two and a half times the weight of the task's box
+
 
 def geom_classes(model: mujoco.MjModel) -> NDArray[np.int64]:
     """The class of every geom, (ngeom,)."""
@@ -49,17 +51,13 @@ def pad_forces(
 
 
 @nb.njit(cache=True)
-def contact_flags(
-    geoms: NDArray[np.int32], distance: Array, classes: NDArray[np.int64], out: NDArray[np.bool_]
-) -> None:
+def _contact_flags(geoms: NDArray[np.int32], classes: NDArray[np.int64], out: NDArray[np.bool_]) -> None:
     """`out` (3,) = the base touches a fixture, the arm touches a fixture, the robot touches itself.
 
-    `geoms` (ncon, 2) and `distance` (ncon,) are MuJoCo's contacts. Neither the floor nor the object counts.
+    `geoms` (ncon, 2) are MuJoCo's contacts, which all touch: no margin. Neither the floor nor the object counts.
     """
     out[:] = False
     for i in range(geoms.shape[0]):
-        if distance[i] > 0.0:
-            continue
         a, b = classes[geoms[i, 0]], classes[geoms[i, 1]]
         low, high = min(a, b), max(a, b)
         if high == TARGET:
@@ -82,7 +80,10 @@ def _put_canonical(w: float, x: float, y: float, z: float, out: Array) -> None:
 
 
 @nb.njit(cache=True)
-def poses(
+def read(
+    geoms: NDArray[np.int32],
+    classes: NDArray[np.int64],
+    forces: Array,
     position: Array,
     matrix: Array,
     qpos: Array,
@@ -92,13 +93,17 @@ def poses(
     free: int,
     gap: float,
     out: Array,
+    flags: NDArray[np.bool_],
 ) -> None:
-    """`out` (20,): hand pose 3 + 4, opening, object pose 3 + 4, base pose 3 and velocity 2.
+    """All facts: `out` (20,) = hand pose 3 + 4, opening, object pose 3 + 4, base pose 3 and velocity 2; `flags` (4,).
 
-    `position` (3,) and `matrix` (9,) of the hand; `base` (3,) holds the addresses of the base joints (their
-    velocities have the same), `fingers` (2,) those of the fingers, `free` that of the object; `gap` is the
-    distance in metres between closed pads.
+    The flags are those of `_contact_flags` and, last, whether both pads press on the object with more than
+    `HOLDING_FORCE`. `position` (3,) and `matrix` (9,) of the hand; `base` (3,) holds the addresses of the base joints
+    (their velocities have the same), `fingers` (2,) those of the fingers, `free` that of the object; `forces` (2,)
+    are those of `pad_forces`; `gap` is the distance in metres between closed pads.
     """
+    _contact_flags(geoms, classes, flags[:3])
+    flags[3] = min(forces[0], forces[1]) > HOLDING_FORCE
     m = matrix
     out[0:3] = position
     # Shepperd: divide by the largest of the four components.

@@ -13,8 +13,8 @@ from causalbench.core import arm_ik, rotations
 from causalbench.core.layout import Layout, Workspace
 from causalbench.core.scene import ACTION_SPEED, Facts, Scene, SceneSpec, check_action
 from causalbench.errors import CausalbenchError, UnreachableLayoutError, UserError
-from causalbench_gymrob import reading, snapshot
-from causalbench_gymrob.model import FINGER_RANGE, FINGER_STROKE
+from causalbench_gymrob import __version__, control, reading, snapshot
+from causalbench_gymrob.model import FINGER_STROKE
 from causalbench_gymrob.world import World
 
 Array = NDArray[np.float64]
@@ -22,15 +22,14 @@ Array = NDArray[np.float64]
 ACTIONS = ("armx", "army", "armz", "armrx", "armry", "armrz", "grip")
 WORKSPACE = Workspace(
     table_height=0.60,
-    object_low=(0.68, -0.15),
-    object_high=(0.80, 0.15),
-    hand_low=(0.70, -0.15, 0.78),
-    hand_high=(0.80, 0.15, 0.88),
+    object_low=(0.66, -0.15),
+    object_high=(0.74, 0.15),
+    hand_low=(0.65, -0.20, 0.75),
+    hand_high=(0.98, 0.20, 1.05),
 )
 """Result of `python -m causalbench_gymrob.reach_scan`; see the README."""
 
-HOLDING_FORCE = 5.0  # N of each pad on the object: two and a half times the weight of the task's box
-GRIP_LEAD = 0.015  # m by which a finger's target may run ahead of the finger: 30 N of grip
+MAX_TARGET_DT = 0.025  # s between new servo targets: in larger strides joints reach the lead limit and the hand swerves
 SETTLE = 0.1  # s of simulation after a reset, for contacts to take their load
 SETTLE_POSITION, SETTLE_ANGLE = 1e-3, math.radians(0.5)  # how far a settled start may lie off its layout
 ARM_STARTS = tuple(
@@ -45,14 +44,14 @@ class GymrobScene(Scene):
     """Fetch and one free box among fixtures. Holds the state after `mj_step1`: poses and contacts are fresh."""
 
     def __init__(self, control_hz: float = 10.0, timestep: float = 0.005) -> None:
-        self._substeps = round(1.0 / (control_hz * timestep))
-        if self._substeps < 1 or abs(self._substeps * timestep * control_hz - 1.0) > 1e-9:
+        self.substeps = round(1.0 / (control_hz * timestep))
+        if self.substeps < 1 or abs(self.substeps * timestep * control_hz - 1.0) > 1e-9:
             raise UserError(f"one control step at {control_hz} Hz must be a whole number of timesteps of {timestep} s")
         arm_ik.announce()
         self._world = World(timestep, n_fixtures=1)
         self.spec = SceneSpec(
             backend="gymrob",
-            backend_version="0.1.0",
+            backend_version=__version__,
             engine="MuJoCo",
             engine_version=metadata.version("mujoco"),
             robot="Fetch",
@@ -60,12 +59,14 @@ class GymrobScene(Scene):
             action_speed=tuple(ACTION_SPEED[name] for name in ACTIONS),
             workspace=WORKSPACE,
             max_opening=self._world.gap + 2 * FINGER_STROKE,
-            control_dt=self._substeps * timestep,
+            control_dt=self.substeps * timestep,
             timestep=timestep,
             capabilities=frozenset({"exact_restore", "physics", "rgb"}),
         )
         self._digest = snapshot.spec_digest(self.spec)
-        self._stride = np.array(self.spec.action_speed) * self.spec.control_dt
+        self._parts = _parts(self.substeps, timestep)
+        self._part = self.substeps // self._parts  # substeps
+        self._stride = np.array(self.spec.action_speed) * self._part * timestep
         self._layout: Layout | None = None
         self._pad_forces = np.zeros(2)
         self._renderer: mujoco.Renderer | None = None
@@ -81,7 +82,7 @@ class GymrobScene(Scene):
         joints = arm_ik.solve(
             self._world.chain,
             rotations.rotate(base, layout.eef_position - origin),
-            _matrix(rotations.multiply(base, layout.eef_quaternion)),
+            rotation_matrix(rotations.multiply(base, layout.eef_quaternion)),
             ARM_STARTS,
         )
         self._enter(layout)
@@ -105,34 +106,26 @@ class GymrobScene(Scene):
     def step(self, action: Array) -> None:
         """Advance by one `spec.control_dt`; `action` (7,) in [-1, 1]. Raises `InvalidActionError`."""
         delta = check_action(action, (len(ACTIONS),)) * self._stride
-        world = self._world
-        ctrl = world.ctrl
-        target = ctrl[world.arm_servos]
-        arm_ik.follow(world.chain, target, world.qpos[world.arm], delta, self.spec.control_dt)
-        ctrl[world.arm_servos] = target
-        if delta[6] != 0.0:
-            self._move_fingers(delta[6])
-        # The first half of the first substep was done at the end of the last control step.
-        mujoco.mj_step2(world.model, world.data)
-        if self._substeps > 1:
-            mujoco.mj_step(world.model, world.data, self._substeps - 1)
+        w = self._world
+        control.control_step(
+            w.model_address, w.data_address, self._parts, self._part, delta, self._part * self.spec.timestep,
+            w.chain, w.arm_target, w.arm_joints, w.qpos, w.ctrl, w.fingers, w.finger_servos,
+        )  # fmt: skip
         self._refresh()
 
     def facts(self) -> Facts:
         """What holds now. `holding` goes by the pad forces of the last substep, all else by the state after it."""
-        world, contact = self._world, self._world.data.contact
-        flags = np.empty(3, dtype=np.bool_)
-        reading.contact_flags(contact.geom, contact.dist, world.classes, flags)
-        x = np.empty(20)
-        reading.poses(
-            world.hand_position, world.hand_matrix, world.qpos, world.qvel,
-            world.base, world.fingers, world.free, world.gap, x,
+        w = self._world
+        x, flags = np.empty(20), np.empty(4, dtype=np.bool_)
+        reading.read(
+            w.data.contact.geom, w.classes, self._pad_forces, w.hand_position, w.hand_matrix, w.qpos, w.qvel,
+            w.base, w.fingers, w.free, w.gap, x, flags,
         )  # fmt: skip
         return Facts(
             eef_position=x[0:3],
             eef_quaternion=x[3:7],
             gripper_opening=x[7],
-            holding=self._pad_forces.min() > HOLDING_FORCE,
+            holding=flags[3],
             object_position=x[8:11],
             object_quaternion=x[11:15],
             base_pose=x[15:18],
@@ -166,6 +159,16 @@ class GymrobScene(Scene):
         self._renderer.update_scene(self._world.data, camera)
         return np.asarray(self._renderer.render(), dtype=np.uint8)
 
+    @property
+    def model(self) -> mujoco.MjModel:
+        """The compiled model, for measurements; a layout with another number of fixtures replaces it."""
+        return self._world.model
+
+    @property
+    def data(self) -> mujoco.MjData:
+        """The simulator's data, for measurements; a layout with another number of fixtures replaces it."""
+        return self._world.data
+
     def close(self) -> None:
         """Release the renderer; may be called twice."""
         self._close_renderer()
@@ -190,17 +193,6 @@ class GymrobScene(Scene):
         reading.pad_forces(contact.geom, contact.efc_address, data.efc_force, world.classes, self._pad_forces)
         mujoco.mj_step1(world.model, data)
 
-    def _move_fingers(self, closing: float) -> None:
-        """Bring the pads' targets together by `closing` metres, both alike so that the grip stays centred.
-
-        A finger's target never runs more than `GRIP_LEAD` ahead of it: the grip is firm, and opening starts at once.
-        """
-        world = self._world
-        finger = world.qpos[world.fingers].sum() / 2
-        target = world.ctrl[world.finger_servos[0]] - closing / 2
-        target = min(max(target, finger - GRIP_LEAD), finger + GRIP_LEAD)
-        world.ctrl[world.finger_servos] = min(max(target, FINGER_RANGE[0]), FINGER_RANGE[1])
-
     def _check_settled(self, layout: Layout) -> None:
         facts = self.facts()
         off = max(
@@ -217,6 +209,12 @@ class GymrobScene(Scene):
             )
 
 
-def _matrix(quaternion: Array) -> Array:
+def _parts(substeps: int, timestep: float) -> int:
+    """Into how many equal parts of whole substeps a control step falls so that none exceeds `MAX_TARGET_DT`."""
+    divisors = (parts for parts in range(1, substeps) if substeps % parts == 0)
+    return next((parts for parts in divisors if substeps // parts * timestep <= MAX_TARGET_DT + 1e-9), substeps)
+
+
+def rotation_matrix(quaternion: Array) -> Array:
     """Rotation matrix (3, 3) of a unit quaternion (4,)."""
     return np.column_stack([rotations.rotate(quaternion, axis) for axis in np.eye(3)])

@@ -36,7 +36,9 @@ def pack(digest: bytes, layout: Layout, state: Array) -> bytes:
     parts = [part for box in boxes for part in (box.half_extents, box.position, box.quaternion)]
     parts += [np.array([layout.target_mass]), layout.base_pose, layout.eef_position, layout.eef_quaternion]
     numbers = np.concatenate([*parts, np.array([layout.gripper_opening]), state])
-    return _HEAD.pack(MAGIC, digest, len(names), len(numbers)) + names + numbers.astype("<f8").tobytes()
+    head: bytes = _HEAD.pack(MAGIC, digest, len(names), len(numbers))
+    tail: bytes = numbers.astype("<f8").tobytes()
+    return head + names + tail
 
 
 def unpack(digest: bytes, snapshot: bytes, n_state: int) -> tuple[Layout, Array]:

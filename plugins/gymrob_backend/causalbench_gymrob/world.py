@@ -20,6 +20,7 @@ class World:
         self.model = model = fetch.build(timestep, n_fixtures)
         self.data = data = mujoco.MjData(model)
         self.classes = geom_classes(model)
+        self.model_address, self.data_address = model._address, data._address
         self.chain = fetch.arm_chain(model)
         self.arm = self._addresses(fetch.ARM_JOINTS)
         self.fingers = self._addresses(fetch.FINGER_JOINTS)
@@ -32,6 +33,9 @@ class World:
         self.target = self._box(fetch.OBJECT)
         self.gap = self._closed_gap()
         self.qpos, self.qvel, self.ctrl = data.qpos, data.qvel, data.ctrl
+        # The arm's joints and servos are contiguous: views, not copies.
+        self.arm_joints = data.qpos[self.arm[0] : self.arm[-1] + 1]
+        self.arm_target = data.ctrl[self.arm_servos[0] : self.arm_servos[-1] + 1]
         hand = model.site(fetch.EEF_SITE).id
         self.hand_position, self.hand_matrix = data.site_xpos[hand], data.site_xmat[hand]
         self.state = np.empty(mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_INTEGRATION))

@@ -1,0 +1,137 @@
+"""What `causalbench_gymrob` costs beside raw physics: python benchmarks/gymrob_speed.py (about a minute, one core).
+
+Rivals take turns (A B A B ...) on the same states and actions, random actions in motion; figures are medians of
+control steps or of turns. Needs an otherwise idle core.
+"""
+
+from __future__ import annotations
+
+import statistics
+import time
+import warnings
+from collections.abc import Callable
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from causalbench.core.env import StageTaskEnv
+from causalbench.core.tasks.pure_manipulation import TASK
+from causalbench_gymrob import make
+from causalbench_gymrob.scene import GymrobScene
+
+Array = NDArray[np.float64]
+
+TIMESTEPS = (0.005, 0.002)  # s
+STEPS = 300  # control steps per comparison
+SEGMENT = 20  # control steps per turn against the stock environment
+TURNS = 12
+
+
+def timed(work: Callable[[], object]) -> float:
+    """Seconds that one call takes."""
+    start = time.perf_counter()
+    work()
+    return time.perf_counter() - start
+
+
+def random_actions(seed: int, count: int) -> Array:
+    """Random walk actions (count, 7): each is held for five steps, so that the arm really travels."""
+    rng = np.random.default_rng(seed)
+    return np.repeat(rng.uniform(-1, 1, (count // 5 + 1, len(TASK.actions))), 5, axis=0)[:count]
+
+
+def against_raw(timestep: float) -> tuple[float, float]:
+    """Median seconds of step + facts and of the raw `mj_step`s of the same substeps.
+
+    Each control step runs twice from one snapshot: once through the scene and once as one `mj_step` call with the
+    servo targets that the scene set, in alternating order.
+    """
+    scene = make(timestep=timestep)
+    env = StageTaskEnv(TASK, scene)
+    assert isinstance(scene, GymrobScene)
+    ours, raw = [], []
+    for i, action in enumerate(random_actions(0, STEPS)):
+        if i % 50 == 0:
+            env.reset(seed=i)
+        before = scene.snapshot()
+        scene.step(action)
+        targets = scene.data.ctrl.copy()
+        for rival in ("ours", "raw") if i % 2 else ("raw", "ours"):
+            scene.restore(before)
+            if rival == "ours":
+                ours.append(timed(lambda a=action: (scene.step(a), scene.facts())))
+                after = scene.snapshot()
+            else:
+                scene.data.ctrl[:] = targets
+                raw.append(timed(lambda: mujoco.mj_step(scene.model, scene.data, scene.substeps)))
+        scene.restore(after)
+    return statistics.median(ours), statistics.median(raw)
+
+
+def env_against_scene(timestep: float) -> tuple[float, float]:
+    """Median seconds of `StageTaskEnv.step` and of the bare scene's step + facts, same states and actions."""
+    scene = make(timestep=timestep)
+    env = StageTaskEnv(TASK, scene)
+    with_env, bare = [], []
+    for i, action in enumerate(random_actions(1, STEPS)):
+        if i % 50 == 0:
+            env.reset(seed=i)
+        before = scene.snapshot()
+        for rival in ("env", "bare") if i % 2 else ("bare", "env"):
+            scene.restore(before)
+            if rival == "env":
+                with_env.append(timed(lambda a=action: env.step(a)))
+            else:
+                bare.append(timed(lambda a=action: (scene.step(a), scene.facts())))
+    return statistics.median(with_env), statistics.median(bare)
+
+
+def stock_env(timestep: float) -> object:
+    """Stock `FetchPickAndPlace-v4` with our physics timestep and the same control period of 0.04 s."""
+    warnings.filterwarnings("ignore")
+    import gymnasium
+    import gymnasium_robotics
+
+    gymnasium.register_envs(gymnasium_robotics)
+    env = gymnasium.make("FetchPickAndPlace-v4", max_episode_steps=100_000)
+    period = env.unwrapped.dt
+    env.unwrapped.model.opt.timestep = timestep
+    env.unwrapped.n_substeps = round(period / timestep)
+    env.reset(seed=0)
+    return env
+
+
+def against_stock(timestep: float) -> tuple[float, float]:
+    """Simulated seconds per second of our environment and of the stock one, medians over turns."""
+    env, stock = StageTaskEnv(TASK, make(timestep=timestep)), stock_env(timestep)
+    rng = np.random.default_rng(2)
+    ours, theirs = [], []
+    for turn in range(TURNS):
+        env.reset(seed=turn)
+        stock.reset(seed=turn)
+        actions = random_actions(turn, SEGMENT)
+        stock_actions = rng.uniform(-1, 1, (SEGMENT, 4)).astype(np.float32)
+        taken = timed(lambda a=actions: [env.step(action) for action in a])
+        ours.append(SEGMENT * env.scene.spec.control_dt / taken)
+        taken = timed(lambda a=stock_actions: [stock.step(action) for action in a])
+        theirs.append(SEGMENT * stock.unwrapped.n_substeps * timestep / taken)
+    return statistics.median(ours), statistics.median(theirs)
+
+
+def main() -> None:
+    """Print the three comparisons at each timestep."""
+    for timestep in TIMESTEPS:
+        print(f"physics timestep {timestep} s, control at 10 Hz")
+        ours, raw = against_raw(timestep)
+        print(f"  step + facts {ours * 1e6:6.0f} us, raw mj_step {raw * 1e6:6.0f} us: {raw / ours:.2f} of raw speed")
+        with_env, bare = env_against_scene(timestep)
+        print(f"  StageTaskEnv {with_env * 1e6:6.0f} us, scene       {bare * 1e6:6.0f} us: {with_env / bare - 1:+.1%}")
+        ours, theirs = against_stock(timestep)
+        print(
+            f"  simulated seconds per second: ours {ours:.1f}, FetchPickAndPlace-v4 {theirs:.1f}: {ours / theirs:.1f}x"
+        )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,99 @@
+"""One control step, compiled: servo targets and physics in a single call that reaches libmujoco by symbol name.
+
+Names, not function pointers, let numba keep the machine code on disk between processes.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import llvmlite.binding as llvm
+import mujoco
+import numba as nb
+import numpy as np
+from numpy.typing import NDArray
+
+from causalbench.core import arm_ik
+from causalbench_gymrob.model import FINGER_RANGE
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+GRIP_LEAD = 0.015  # m by which a finger's target may run ahead of the finger: 30 N of grip
+LOWEST, HIGHEST = FINGER_RANGE
+
+
+def _library() -> str:
+    """Path of the library that the mujoco package has loaded."""
+    folder = Path(mujoco.__file__).parent
+    found = [path for pattern in ("libmujoco.*", "mujoco.dll") for path in sorted(folder.glob(pattern))]
+    if not found:
+        raise ImportError(f"no MuJoCo library in {folder}")
+    return str(found[0])
+
+
+llvm.load_library_permanently(_library())
+_SIGNATURE = nb.types.void(nb.types.intp, nb.types.intp)  # mjModel* and mjData* travel as addresses
+_mj_step: Any = nb.types.ExternalFunction("mj_step", _SIGNATURE)
+_mj_step2: Any = nb.types.ExternalFunction("mj_step2", _SIGNATURE)
+
+
+@nb.njit(cache=True)
+def _move_fingers(qpos: Array, ctrl: Array, fingers: Indices, servos: Indices, closing: float) -> None:
+    """Bring the pads' targets together by `closing` metres, both alike so that the grip stays centred.
+
+    `fingers` (2,) and `servos` (2,) are addresses in `qpos` and `ctrl`. A target never runs more than `GRIP_LEAD`
+    ahead of the fingers: the grip is firm, and opening starts at once.
+    """
+    finger = (qpos[fingers[0]] + qpos[fingers[1]]) / 2
+    target = ctrl[servos[0]] - closing / 2
+    target = min(max(target, finger - GRIP_LEAD, LOWEST), finger + GRIP_LEAD, HIGHEST)
+    ctrl[servos[0]] = ctrl[servos[1]] = target
+
+
+def _compile(stamp: int) -> Callable[..., int]:
+    """The kernel. Numba's disk cache knows the code of this file and the values of the closure, not `arm_ik`.
+
+    So the closure holds a stamp of that file: another version of it is compiled anew.
+    """
+
+    @nb.njit(cache=True, nogil=True)
+    def control_step(
+        model: int,
+        data: int,
+        parts: int,
+        substeps: int,
+        delta: Array,
+        dt: float,
+        chain: arm_ik.Chain,
+        target: Array,
+        joints: Array,
+        qpos: Array,
+        ctrl: Array,
+        fingers: Indices,
+        servos: Indices,
+    ) -> int:
+        """Advance by `parts` times `substeps` timesteps; before each part the targets move by `delta` in `dt` seconds.
+
+        `model` and `data` are addresses. `delta` (7,): metres along the base axes, radians about the hand's axes,
+        metres of closing. `target` and `joints` (7,) are views of the arm's parts of `ctrl` and `qpos`. Enters
+        after `mj_step1`; leaves as `mj_step` does, with the contact forces of the last substep.
+        """
+        for part in range(parts):
+            arm_ik.follow(chain, target, joints, delta[:6], dt)
+            if delta[6] != 0.0:
+                _move_fingers(qpos, ctrl, fingers, servos, delta[6])
+            for substep in range(substeps):
+                if part == 0 and substep == 0:
+                    _mj_step2(model, data)
+                else:
+                    _mj_step(model, data)
+        return stamp
+
+    return control_step
+
+
+control_step = _compile(zlib.crc32(Path(arm_ik.__file__).read_bytes()))

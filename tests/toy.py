@@ -1,0 +1,98 @@
+"""A two-stage toy task with a planted causal graph, over a scene that does nothing but keep the last action."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from causalbench.core.batch import Batchable, BatchScene
+from causalbench.core.layout import Layout, Workspace
+from causalbench.core.scene import Facts, Scene, SceneSpec
+from causalbench.core.tasks.task import Task, Term
+
+ACTIONS = ("armx", "army", "armz")
+SPEC = SceneSpec(
+    backend="toy",
+    backend_version="1",
+    engine="none",
+    engine_version="1",
+    robot="none",
+    actions=ACTIONS,
+    action_speed=(0.2, 0.2, 0.2),
+    workspace=Workspace(0.0, (0.0, 0.0), (0.0, 0.0), (-1.0, -1.0, -1.0), (1.0, 1.0, 1.0)),
+    max_opening=0.1,
+    control_dt=0.1,
+    timestep=0.1,
+    capabilities=frozenset(),
+)
+
+
+class ToyBatch(BatchScene):
+    """The hand jumps to a random place in reset and then integrates the action."""
+
+    def __init__(self, n: int) -> None:
+        self.n, self.spec = n, SPEC
+        self.hand = np.zeros((n, 3))
+        self.stage = np.ones(n)
+
+    def reset(self, index, layout):
+        self.hand[index] = layout.eef_position
+        self.stage[index] = layout.gripper_opening
+
+    def step(self, actions):
+        self.hand += 0.1 * actions
+
+    def facts(self):
+        no = np.zeros(self.n, dtype=bool)
+        still = np.tile([1.0, 0.0, 0.0, 0.0], (self.n, 1))
+        zeros = np.zeros((self.n, 3))
+        return Facts(
+            self.hand.copy(), still, self.stage.copy(), no, zeros, still, zeros, np.zeros((self.n, 2)), no, no, no
+        )
+
+    def close(self):
+        pass
+
+
+class ToyScene(Scene, Batchable):
+    spec = SPEC
+
+    def batch(self, n):
+        return ToyBatch(n)
+
+    def reset(self, layout):
+        raise NotImplementedError
+
+    step = facts = snapshot = restore = reset
+
+
+def make_toy() -> Scene:
+    return ToyScene()
+
+
+def _draw_layout(rng, workspace, max_opening, stage):
+    still = np.array([1.0, 0.0, 0.0, 0.0])
+    return Layout((), None, 0.0, np.zeros(3), rng.uniform(-1, 1, 3), still, float(stage))
+
+
+def toy_task(rewards, n_terms: int) -> Task:
+    """`rewards(previous, action, now)` of a one-stage task with discoverable terms r_0, r_1, ..."""
+    terms = tuple(Term(f"r_{j}", (1,), True, "") for j in range(n_terms))
+    return Task(
+        name="toy",
+        version=0,
+        env_id="causalbench/Toy-v0",
+        n_stages=1,
+        actions=ACTIONS,
+        terms=terms,
+        state_names=("x", "y", "z"),
+        horizon=50,
+        constants={},
+        manual_graph={1: {term.name: frozenset({"armz"}) for term in terms}},
+        draw_layout=_draw_layout,
+        state_bounds=lambda workspace: (-2 * np.ones(3), 2 * np.ones(3)),
+        observe=lambda facts: facts.eef_position,
+        stage=lambda facts: np.ones(len(facts.eef_position), dtype=np.int64),
+        rewards=rewards,
+        success=lambda previous, now: np.zeros(len(now.eef_position), dtype=bool),
+        expert=lambda facts, spec: np.zeros(3),
+    )
