@@ -71,6 +71,7 @@ def print_graph(graph: CausalGraph, folder: Path) -> None:
     """Per stage the matrix beside its KL values; a selected action is marked."""
     for stage in graph.stages:
         _print(_stage_table(stage))
+    _print("KL1 = KL(P1||P2), KL2 = KL(P2||P1); P1 = p(r | s, do(a = 0)), P2 = p(r | s, random a); X: selected")
     _print(f"Causal graph {graph.hash}, {graph.env_steps} environment steps; written to {folder}")
 
 
@@ -83,7 +84,6 @@ def _stage_table(graph: StageGraph) -> Table:
         table.add_row(action, *(_edge(graph, row, column) for column in range(len(graph.terms))))
     if graph.cv is not None:
         table.add_row("cv", *(f"    {value:.2f}" for value in graph.cv))
-    table.caption = "KL1 = KL(P1||P2), KL2 = KL(P2||P1); P1 = p(r | s, do(a = 0)), P2 = p(r | s, random a)"
     return table
 
 

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -111,9 +112,16 @@ def command() -> list[str]:
 
 
 @pytest.fixture(scope="session")
-def finished_run(tiny_suite: Path, command: list[str], tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of an uninterrupted run of the tiny suite; tests must not change it."""
+def timed_run(tiny_suite: Path, command: list[str], tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, float]:
+    """The folder of an uninterrupted run of the tiny suite, and the seconds it took."""
     out = tmp_path_factory.mktemp("run") / "whole"
     arguments = ["run", str(tiny_suite), "--tier", "smoke", "--out", str(out), "--jobs", "2"]
+    started = time.monotonic()
     subprocess.run([*command, *arguments], capture_output=True, text=True, check=True)
-    return out
+    return out, time.monotonic() - started
+
+
+@pytest.fixture(scope="session")
+def finished_run(timed_run: tuple[Path, float]) -> Path:
+    """The folder of an uninterrupted run of the tiny suite; tests must not change it."""
+    return timed_run[0]

@@ -85,5 +85,5 @@ def test_unknown_names_get_the_nearest_one_and_what_exists() -> None:
         plugins.backend("kinematics")
     with pytest.raises(UnknownNameError, match=r"unknown method 'cmmmSAC'. Did you mean 'cmmSAC'\? Known: cSAC, "):
         plugins.method("cmmmSAC")
-    with pytest.raises(UnknownNameError, match="unknown task 'flying'. Known: pure_manipulation."):
+    with pytest.raises(UnknownNameError, match=r"unknown task \'flying\'\. Known: pure_manipulation\."):
         plugins.task("flying")

@@ -44,7 +44,7 @@ def test_gymnasium_knows_the_task_whichever_is_imported_first(imports: str, env_
 
 
 def test_a_wrong_backend_is_named() -> None:
-    with pytest.raises(UnknownNameError, match="unknown backend 'kinmatic'. Did you mean 'kinematic'"):
+    with pytest.raises(UnknownNameError, match=r"unknown backend \'kinmatic\'\. Did you mean 'kinematic'"):
         causalbench.make_env(backend="kinmatic")
 
 

@@ -81,9 +81,11 @@ def result_rows(cells: Sequence[StoredCell]) -> list[Row]:
 def _result_row(cell: StoredCell, evaluations: list[Evaluation], counts: Counts) -> Row:
     final = evaluations[-1]
     low, high = wilson(round(final.success_deterministic * final.episodes), final.episodes)
-    steps, success = [e.env_steps for e in evaluations], [e.success_deterministic for e in evaluations]
+    budget = cell.identity["env_steps"]
+    # Worlds that step together may pass the budget by a few steps.
+    steps, success = [min(e.env_steps, budget) for e in evaluations], [e.success_deterministic for e in evaluations]
     return _keys(cell) | {
-        "env_steps": cell.identity["env_steps"],
+        "env_steps": budget,
         "discovery_env_steps": counts.discovery_env_steps,
         "episodes": final.episodes,
         "success_deterministic": final.success_deterministic,
@@ -91,7 +93,7 @@ def _result_row(cell: StoredCell, evaluations: list[Evaluation], counts: Counts)
         "success_low": low,
         "success_high": high,
         "held_rate": final.held_rate,
-        "success_auc": area_under(steps, success, cell.identity["env_steps"]),
+        "success_auc": area_under(steps, success, budget),
         "steps_to_90": next((e.env_steps for e in evaluations if e.success_deterministic >= 0.9), None),
         "mean_final_stage": final.mean_final_stage,
         "reversals_per_episode": final.reversals_per_episode,

@@ -33,5 +33,6 @@ def discover_alone(task: str, backend: str, preset: str, seed: int, folder: Path
             chosen_task, make_scene, PRESETS[preset], seed,
             lambda share, text: bar.update(line, completed=share, description=text),
         )  # fmt: skip
+        bar.update(line, completed=1.0, description="done")
     write_graph(folder, graph)
     return graph

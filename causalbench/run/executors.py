@@ -137,7 +137,7 @@ def _receive(running: Sequence[_Running], on_progress: OnCellProgress) -> None:
         if isinstance(ready, Connection):
             try:
                 on_progress(by_link[ready].cell, ready.recv())
-            except EOFError:
+            except (EOFError, OSError):  # OSError: killed in the middle of a message
                 by_link[ready].process.join()  # the far end closes only when the process ends
 
 
@@ -151,6 +151,8 @@ def _work(cell: Cell, run: RunFolder, link: Connection) -> None:
     os.dup2(log, 2)
     faulthandler.enable()
     run_cell(cell, run, _Throttle(link).send)
+    # All is on disk; what simulators do when an interpreter ends may hang or crash.
+    os._exit(0)
 
 
 def _die_with_parent(link: Connection) -> None:

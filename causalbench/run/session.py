@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import platform
 import subprocess
@@ -9,6 +10,7 @@ import sys
 from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -58,9 +60,10 @@ def run_plan(
         new = [(f"this plan ({cell.id})", cell.identity) for cell in plan.cells]
         check_comparable([*((str(cell.folder), cell.identity) for cell in run.cells()), *new])
         write_text(run.path / "suite.yaml", file.source.text)
-        write_json(run.path / "environment.json", describe_environment(plugins))
+        cells = to_do(plan, run, execution.retry)
+        if cells:
+            _record_environment(run, plugins)
         try:
-            cells = to_do(plan, run, execution.retry)
             view.begin(plan.cells, cells, run)
             with closing(execution.outcomes(cells, run, view)) as outcomes:  # type: ignore[type-var]
                 for cell, status in outcomes:
@@ -77,28 +80,32 @@ def to_do(plan: Plan, run: RunFolder, retry: bool) -> list[Cell]:
 
 
 def estimate_seconds(plan: Plan, run: RunFolder) -> dict[str, float | None]:
-    """Cell id -> seconds it took, or will take at the speed measured in `run`; None if nothing was measured."""
-    speeds: dict[tuple[str, str], float] = {}
-    for stored in run.cells():
-        if stored.status.state == "done" and stored.status.seconds:
-            key = (stored.identity["backend"]["name"], stored.identity.get("method", {}).get("name", ""))
-            speeds[key] = stored.status.env_steps / stored.status.seconds
-    out: dict[str, float | None] = {}
-    for cell in plan.cells:
-        status = run.status(cell)
-        if status.state == "done":
-            out[cell.id] = status.seconds
-        elif isinstance(cell, LearnerCell) and (cell.backend.name, cell.method.name) in speeds:
-            out[cell.id] = cell.env_steps / speeds[cell.backend.name, cell.method.name]
-        else:
-            out[cell.id] = None
-    return out
+    """Cell id -> seconds it took, or those of a finished one with the same backend and method; None without such."""
+    took = {
+        (stored.identity["backend"]["name"], stored.identity.get("method", {}).get("name")): stored.status.seconds
+        for stored in run.cells()
+        if stored.status.state == "done"
+    }
+    own = {cell.id: run.status(cell) for cell in plan.cells}
+    return {
+        cell.id: own[cell.id].seconds
+        if own[cell.id].state == "done"
+        else took.get((cell.backend.name, cell.method.name if isinstance(cell, LearnerCell) else None))
+        for cell in plan.cells
+    }
+
+
+def _record_environment(run: RunFolder, plugins: Plugins) -> None:
+    """Add this session to `environment.json`: a run that was continued elsewhere says so."""
+    path = run.path / "environment.json"
+    earlier = json.loads(path.read_text(encoding="utf-8"))["sessions"] if path.exists() else []
+    write_json(path, {"schema": SCHEMA, "sessions": [*earlier, describe_environment(plugins)]})
 
 
 def describe_environment(plugins: Plugins) -> dict[str, Any]:
     """Versions, CPU and git state: what a reader needs to judge the numbers, none of it part of a cell's id."""
     return {
-        "schema": SCHEMA,
+        "started": datetime.now(UTC).isoformat(timespec="seconds"),
         "command": sys.argv,
         "python": platform.python_version(),
         "platform": platform.platform(),

@@ -57,7 +57,7 @@ class DiscoveryCell:
     @cached_property
     def identity(self) -> dict[str, Any]:
         """All that the id is made of, as JSON data."""
-        return {"kind": "discovery"} | dataclasses.asdict(self)
+        return _plain({"kind": "discovery"} | dataclasses.asdict(self))
 
     @cached_property
     def id(self) -> str:
@@ -83,7 +83,7 @@ class LearnerCell:
     def identity(self) -> dict[str, Any]:
         """All that the id is made of, as JSON data; a discovery cell enters as its id."""
         own = dataclasses.asdict(dataclasses.replace(self, discovery=None))
-        return {"kind": "learner"} | own | {"discovery": self.discovery.id if self.discovery else None}
+        return _plain({"kind": "learner"} | own | {"discovery": self.discovery.id if self.discovery else None})
 
     @cached_property
     def id(self) -> str:
@@ -93,6 +93,12 @@ class LearnerCell:
 
 
 Cell = DiscoveryCell | LearnerCell
+
+
+def _plain(content: Mapping[str, Any]) -> dict[str, Any]:
+    """What a reader of the content's JSON gets, so that it equals an identity from disk (a tuple is a list)."""
+    data: dict[str, Any] = json.loads(json.dumps(content))
+    return data
 
 
 def content_hash(content: Mapping[str, Any]) -> str:

@@ -9,7 +9,6 @@ import random
 import shutil
 import signal
 import subprocess
-import time
 from pathlib import Path
 
 import pytest
@@ -108,22 +107,23 @@ def test_a_second_command_runs_only_what_is_missing_or_failed(
 
 def test_ctrl_c_leaves_no_failed_cell_and_no_process(tiny_suite: Path, command: list[str], tmp_path: Path) -> None:
     out = tmp_path / "run"
-    process = subprocess.Popen(
-        [*command, *arguments(tiny_suite, out)[:-1]], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
-        start_new_session=True,
-    )  # fmt: skip
-    assert process.stderr is not None
-    next(line for line in process.stderr if "%" in line)  # a cell is at work
-    os.killpg(process.pid, signal.SIGINT)
-    rest = process.stderr.read()  # ends when nothing holds the pipe any more: parent, fork server and cells
-    assert process.wait() == 130
+    call = [*command, *arguments(tiny_suite, out)[:-1]]
+    with subprocess.Popen(
+        call, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, start_new_session=True
+    ) as process:
+        assert process.stderr is not None
+        next(line for line in process.stderr if "%" in line)  # a cell is at work
+        os.killpg(process.pid, signal.SIGINT)
+        rest = process.stderr.read()  # ends when nothing holds the pipe any more: parent, fork server and cells
+        assert process.wait() == 130
     assert "stopped; the same command continues with what is missing" in rest
     assert "Traceback" not in rest
     assert "failed" not in states(out).values()
 
 
-def kill_at_instants(n: int, finished_run: Path, suite: Path, command: list[str], folder: Path, span: float) -> None:
-    """Kill the command at `n` seeded instants within `span` seconds, then let it end; each run must give the same files."""
+def kill_at_instants(n: int, timed_run: tuple[Path, float], suite: Path, command: list[str], folder: Path) -> None:
+    """Kill the command at `n` seeded instants; what it then ends with must be the files of the uninterrupted run."""
+    whole, span = timed_run
     rng = random.Random(20_240)
     kills, attempt = 0, 0
     while kills < n:
@@ -144,7 +144,7 @@ def kill_at_instants(n: int, finished_run: Path, suite: Path, command: list[str]
                 process.wait()
                 kills += 1
             check_whole(out)
-        assert results(out) == results(finished_run)
+        assert results(out) == results(whole)
         assert set(states(out).values()) == {"done"}
 
 
@@ -156,23 +156,14 @@ def check_whole(out: Path) -> None:
             assert {"progress.csv", "counts.json", "policy"} <= {path.name for path in cell.iterdir()}
 
 
-@pytest.fixture
-def span(finished_run: Path, tiny_suite: Path, command: list[str], tmp_path: Path) -> float:
-    """Seconds that an uninterrupted run takes on this machine now."""
-    started = time.monotonic()
-    subprocess.run([*command, *arguments(tiny_suite, tmp_path / "timed")], check=True, capture_output=True)
-    assert results(tmp_path / "timed") == results(finished_run)
-    return time.monotonic() - started
-
-
 def test_kill_9_at_four_instants(
-    finished_run: Path, tiny_suite: Path, command: list[str], tmp_path: Path, span: float
+    timed_run: tuple[Path, float], tiny_suite: Path, command: list[str], tmp_path: Path
 ) -> None:
-    kill_at_instants(4, finished_run, tiny_suite, command, tmp_path, span)
+    kill_at_instants(4, timed_run, tiny_suite, command, tmp_path)
 
 
 @pytest.mark.long
 def test_kill_9_at_twenty_instants(
-    finished_run: Path, tiny_suite: Path, command: list[str], tmp_path: Path, span: float
+    timed_run: tuple[Path, float], tiny_suite: Path, command: list[str], tmp_path: Path
 ) -> None:
-    kill_at_instants(20, finished_run, tiny_suite, command, tmp_path, span)
+    kill_at_instants(20, timed_run, tiny_suite, command, tmp_path)

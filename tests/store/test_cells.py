@@ -74,9 +74,8 @@ def test_a_skipped_cell_that_never_started_has_a_folder(tmp_path: Path) -> None:
 
 
 def test_a_folder_is_for_one_command_at_a_time(tmp_path: Path) -> None:
-    with RunFolder(tmp_path).claim():
-        with pytest.raises(RunFolderError, match="another command is running here"):
-            RunFolder(tmp_path).claim()
+    with RunFolder(tmp_path).claim(), pytest.raises(RunFolderError, match="another command is running here"):
+        RunFolder(tmp_path).claim()
     RunFolder(tmp_path).claim().close()
 
 

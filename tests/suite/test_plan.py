@@ -53,6 +53,7 @@ def test_quick_shares_one_discovery_and_full_gives_each_seed_its_own(tmp_path: P
 def test_an_id_is_a_slug_and_a_hash_of_what_cell_json_holds(tmp_path: Path, plugins: Plugins) -> None:
     for cell in plan(tmp_path, plugins).cells:
         reread = json.loads(json.dumps(cell.identity))
+        assert reread == cell.identity
         assert cell.id.endswith(f"-s{cell.seed}-{content_hash(reread)}")
 
 
@@ -139,5 +140,5 @@ def test_a_wrong_selection_says_what_there_is(tmp_path: Path, plugins: Plugins, 
 
 
 def test_a_tier_that_the_suite_lacks(tmp_path: Path, plugins: Plugins) -> None:
-    with pytest.raises(UnknownNameError, match="unknown tier 'smoke'. Known: full, quick."):
+    with pytest.raises(UnknownNameError, match=r"unknown tier 'smoke'\. Known: full, quick\."):
         plan(tmp_path, plugins, tier="smoke")
