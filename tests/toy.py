@@ -92,7 +92,7 @@ def toy_task(rewards, n_terms: int) -> Task:
         state_bounds=lambda workspace: (-2 * np.ones(3), 2 * np.ones(3)),
         observe=lambda facts: facts.eef_position,
         stage=lambda facts: np.ones(len(facts.eef_position), dtype=np.int64),
-        rewards=rewards,
-        success=lambda previous, now: np.zeros(len(now.eef_position), dtype=bool),
+        rewards=lambda previous, stage, action, now, next_stage: rewards(previous, action, now),
+        success=lambda stage, now: np.zeros(len(now.eef_position), dtype=bool),
         expert=lambda facts, spec: np.zeros(3),
     )

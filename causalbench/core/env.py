@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -105,7 +105,7 @@ class StageTaskEnv(gym.Env[Observation, NDArray[np.float32]]):
     `terminated` is the task's verdict, `truncated` the clock (`task.horizon` control steps).
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"]}
+    metadata = {"render_modes": ["rgb_array"]}  # noqa: RUF012 - Gymnasium declares it as an instance variable
 
     def __init__(self, task: Task, scene: Scene, render_mode: str | None = None, observe_gripper: bool = True) -> None:
         self.task, self.scene, self.render_mode = task, scene, render_mode

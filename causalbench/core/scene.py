@@ -64,9 +64,9 @@ class Facts:
     """All that a task may see, at the end of a control step, in the world frame.
 
     Shapes are those of one world; all fields may carry the same one leading batch dimension. Arrays are the
-    reader's own: never views of simulator memory. A collision flag is true if the contact exists at the end of the control step; the
-    arm includes the gripper; contact with the task object is not a collision. `holding` is true when both
-    finger pads press on the task object.
+    reader's own: never views of simulator memory. A collision flag is true if the contact exists at the end of
+    the control step; the arm includes the gripper; contact with the task object is not a collision. `holding` is
+    true when both finger pads press on the task object.
     """
 
     eef_position: Array  # (..., 3) m
@@ -91,7 +91,8 @@ class Scene(ABC):
     def reset(self, layout: Layout) -> None:
         """Put the world into `layout`, at rest.
 
-        Raises `UnreachableLayoutError` when the arm cannot take the pose: the caller draws another layout.
+        Raises `UnreachableLayoutError` when the arm cannot take the pose or the start is not at rest because things
+        overlap: the caller draws another layout, and may ask for facts in between.
         """
 
     @abstractmethod

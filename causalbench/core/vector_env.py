@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -24,7 +24,7 @@ class StageTaskVectorEnv(gym.vector.VectorEnv[Observation, NDArray[Any], NDArray
     World i draws its starts from its own generator, seeded with [seed, i].
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"autoreset_mode": gym.vector.AutoresetMode.SAME_STEP}
+    metadata = {"autoreset_mode": gym.vector.AutoresetMode.SAME_STEP}  # noqa: RUF012 - as in Gymnasium
 
     def __init__(self, task: Task, batch: BatchScene, observe_gripper: bool = True) -> None:
         self.task, self.batch, self.num_envs = task, batch, batch.n

@@ -25,7 +25,7 @@ def grip(value: float):
 
 def terms(previous, action, now) -> dict[str, float]:
     """The reward terms that are not 0."""
-    vector = task.rewards(previous, action, now)
+    vector = judge(task.TASK, task.stage(previous), previous, action, now).vector_reward
     assert vector.shape == (9,)
     return {name: value for name, value in zip(task.TASK.term_names, vector, strict=True) if abs(value) > 1e-12}
 
@@ -192,11 +192,11 @@ def test_terms_of_other_stages_are_zero(pose, start, own):
 def test_success_is_judged_on_the_pose_before_the_motion(pose):
     at_box, low = pose(AT_BOX, UPRIGHT), pose(LOW, UPRIGHT)
     held, lifted = pose(AT_BOX, UPRIGHT, holding=YES), pose(LOW, UPRIGHT, holding=YES)
-    assert task.success(at_box, held)
-    assert task.success(at_box, lifted)  # the motion of the same step is no cause
-    assert not task.success(low, held)
-    assert not task.success(at_box, at_box)
-    assert not task.success(held, at_box)
+    assert task.success(task.stage(at_box), held)
+    assert task.success(task.stage(at_box), lifted)  # the motion of the same step is no cause
+    assert not task.success(task.stage(low), held)
+    assert not task.success(task.stage(at_box), at_box)
+    assert not task.success(task.stage(held), at_box)
     assert terms(low, grip(1.0), held) == pytest.approx({"r_eefz2": 0.88, "r_gripper": -0.5, "r_success": 2.0})
 
 
@@ -271,8 +271,7 @@ def test_batched_equals_single(steps, make_scene):
     whole = {
         "stage": task.stage(now),
         "observe": task.observe(now),
-        "success": task.success(previous, now),
-        "rewards": task.rewards(previous, actions, now),
+        **judge(task.TASK, task.stage(previous), previous, actions, now)._asdict(),
         "expert": task.expert(now, spec),
     }
     for i in range(200):
@@ -280,8 +279,7 @@ def test_batched_equals_single(steps, make_scene):
         single = {
             "stage": task.stage(after),
             "observe": task.observe(after),
-            "success": task.success(before, after),
-            "rewards": task.rewards(before, actions[i], after),
+            **judge(task.TASK, task.stage(before), before, actions[i], after)._asdict(),
             "expert": task.expert(after, spec),
         }
         for name, value in single.items():
@@ -293,7 +291,7 @@ def test_batched_equals_single(steps, make_scene):
 def test_functions_do_not_change_their_arguments(steps, make_scene):
     previous, actions, now = steps
     kept = [select(previous, np.arange(200)), actions.copy(), select(now, np.arange(200))]
-    task.rewards(previous, actions, now)
+    judge(task.TASK, task.stage(previous), previous, actions, now)
     task.observe(now)
     task.expert(now, make_scene().spec)
     for facts, copy in ((previous, kept[0]), (now, kept[2])):

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from causalbench.core.batch import BatchScene
 from causalbench.core.env import action_columns, reset_worlds
 from causalbench.core.scene import Facts
+from causalbench.core.tasks.stages import judge
 from causalbench.core.tasks.task import Task
 
 Floats = NDArray[np.float32]
@@ -59,7 +60,7 @@ def collect(
     terms = [task.term_names.index(name) for name in task.stage_terms(stage, discoverable_only=True)]
     n_actions = len(task.actions)
     full = np.zeros((batch.n, len(batch.spec.actions)))
-    length = np.zeros(batch.n, dtype=int)
+    inside, length = np.full(batch.n, stage), np.zeros(batch.n, dtype=int)
     over = np.ones(batch.n, dtype=bool)
     chunks: list[tuple[Floats, Floats, Floats]] = []
     collected = 0
@@ -75,12 +76,13 @@ def collect(
         full[:, columns] = actions[:, :n_actions]
         batch.step(full)
         now = batch.facts()
-        rewards = task.rewards(before, actions[:, :n_actions], now)[:, terms]
-        chunks.append((model_inputs(task, before), actions.astype(np.float32), rewards.astype(np.float32)))
+        result = judge(task, inside, before, actions[:, :n_actions], now)
+        rewards = result.vector_reward[:, terms].astype(np.float32)
+        chunks.append((model_inputs(task, before), actions.astype(np.float32), rewards))
         collected += batch.n
         on_step(batch.n)
         length += 1
-        over = (task.stage(now) != stage) | task.success(before, now) | (length >= sequence_length)
+        over = (result.next_stage != stage) | result.success | (length >= sequence_length)
         before = now
     states, acts, rewards = (np.concatenate(column)[:count] for column in zip(*chunks, strict=True))
     return Samples(states, acts, rewards)

@@ -8,9 +8,9 @@ side in one batched matrix product and the loss is the sum over pairs.
 from __future__ import annotations
 
 import math
-from itertools import pairwise
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import torch

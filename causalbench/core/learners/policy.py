@@ -62,7 +62,7 @@ class StagedPolicy:
         episode_start: NDArray[np.bool_] | None = None,
         deterministic: bool = True,
     ) -> tuple[NDArray[np.float32], tuple[NDArray[Any], ...] | None]:
-        """Actions for one observation (n_actions,) or a batch (n, n_actions), as SB3's `predict`; no recurrent state."""
+        """SB3's `predict`: actions for one observation (n_actions,) or a batch (n, n_actions); no recurrent state."""
         del episode_start  # nothing is remembered between steps
         stage = np.asarray(observation["stage"])
         single = np.asarray(observation["state"]).ndim == 1

@@ -178,47 +178,42 @@ def tilt(facts: Facts) -> Array:
 
 def stage(facts: Facts) -> NDArray[np.int64]:
     """U(s), int (...), 1 to 4: a memoryless function of the relative pose, so that progress can reverse."""
-    return _stage((facts.eef_position - facts.object_position).T, tilt(facts))
-
-
-def _stage(offset: Array, angle: Array) -> NDArray[np.int64]:
-    x, y, z = offset
+    x, y, z = (facts.eef_position - facts.object_position).T
     above = (abs(x) < TOLERANCE_XY) & (abs(y) < TOLERANCE_XY)
     hovering = above & (abs(z - HOVER) < TOLERANCE_HOVER)
-    upright = above & (angle < TOLERANCE_ORI)
+    upright = above & (tilt(facts) < TOLERANCE_ORI)
     lowering = upright & (z < HOVER + TOLERANCE_HOVER) & (z > GRASP_HEIGHT - TOLERANCE_GRASP)
     at_box = upright & (abs(z - GRASP_HEIGHT) < TOLERANCE_GRASP)
     # A hand at the box is also lowering, and one that is lowering is in stage 3 whether or not it hovers.
     return np.int64(1) + (hovering | lowering) + lowering + at_box
 
 
-def rewards(previous: Facts, action: Array, now: Facts) -> Array:
-    """Reward vector (..., 9) of the step; terms outside U(previous) are 0 (paper, Reward Setting)."""
-    before, after = (previous.eef_position - previous.object_position).T, (now.eef_position - now.object_position).T
-    tilt_before, tilt_after = tilt(previous), tilt(now)
-    stage_before, stage_after = _stage(before, tilt_before), _stage(after, tilt_after)
-    done = (stage_before == 4) & now.holding
-    early = (stage_before < 4) & (action.T[6] > 0)
-    (x0, y0, z0), (x1, y1, z1) = before, after
+def success(stage: NDArray[np.int64], now: Facts) -> NDArray[np.bool_]:
+    """Bool (...): the box is held after a step from stage 4; `stage` is U(s) before the motion of that step."""
+    return (stage == 4) & now.holding
+
+
+def rewards(
+    previous: Facts, stage: NDArray[np.int64], action: Array, now: Facts, next_stage: NDArray[np.int64]
+) -> Array:
+    """Reward vector (..., 9) of the step; terms outside `stage` = U(previous) are 0 (paper, Reward Setting)."""
+    x0, y0, z0 = (previous.eef_position - previous.object_position).T
+    x1, y1, z1 = (now.eef_position - now.object_position).T
+    done = success(stage, now)
     terms = np.array(
         [
             DISTANCE_SCALE * (abs(x0) - abs(x1)),
             DISTANCE_SCALE * (abs(y0) - abs(y1)),
             DISTANCE_SCALE * (abs(z0 - HOVER) - abs(z1 - HOVER)),
-            ANGLE_SCALE * (tilt_before - tilt_after),
+            ANGLE_SCALE * (tilt(previous) - tilt(now)),
             DISTANCE_SCALE * (abs(z0 - GRASP_HEIGHT) - abs(z1 - GRASP_HEIGHT)),
-            GRASP * done + EARLY_CLOSE * early,
+            GRASP * done + EARLY_CLOSE * ((stage < 4) & (action.T[6] > 0)),
             COLLISION * now.collision_arm,
             COLLISION * now.collision_self,
-            STAGE_BONUS * ((stage_after > stage_before) | done),
+            STAGE_BONUS * ((next_stage > stage) | done),
         ]
     ).T
-    return np.where(ACTIVE[stage_before], terms, 0.0)
-
-
-def success(previous: Facts, now: Facts) -> NDArray[np.bool_]:
-    """Bool (...): the box is held after a step from stage 4, judged on the pose before the motion of that step."""
-    return (stage(previous) == 4) & now.holding
+    return np.where(ACTIVE[stage], terms, 0.0)
 
 
 def expert(facts: Facts, spec: SceneSpec) -> Array:

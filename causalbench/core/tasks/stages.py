@@ -32,6 +32,6 @@ class Transition(NamedTuple):
 
 def judge(task: Task, stage: NDArray[np.int64], previous: Facts, action: Array, now: Facts) -> Transition:
     """Judge the step from `previous` (in `stage` = U(previous)) by `action` to `now`."""
-    next_stage = task.stage(now)
-    success = task.success(previous, now)
-    return Transition(task.rewards(previous, action, now), next_stage, (next_stage < stage) & ~success, success)
+    next_stage, success = task.stage(now), task.success(stage, now)
+    vector = task.rewards(previous, stage, action, now, next_stage)
+    return Transition(vector, next_stage, (next_stage < stage) & ~success, success)

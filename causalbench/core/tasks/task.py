@@ -38,8 +38,9 @@ class Task:
     - `state_bounds(workspace)`: (low, high), each (n_state,) float64: where the state variables normally lie;
     - `observe(facts)`: state variables (..., n_state) in the paper's order, robot base frame;
     - `stage(facts)`: the paper's U(s), int (...), 1 to n_stages; memoryless, so it can go back;
-    - `rewards(previous, action, now)`: (..., n_terms), terms that are not active in U(previous) are 0;
-    - `success(previous, now)`: bool (...);
+    - `success(stage, now)`: bool (...), `stage` being U(s) before the step;
+    - `rewards(previous, stage, action, now, next_stage)`: (..., n_terms), terms that are not active in `stage` =
+      U(previous) are 0; call it through `stages.judge`, which computes each stage once;
     - `expert(facts, spec)`: the scripted macro action (..., n_actions) that proves the task solvable;
     - `requires`: scene capabilities without which the task cannot run.
     """
@@ -58,8 +59,8 @@ class Task:
     state_bounds: Callable[[Workspace], tuple[Array, Array]]
     observe: Callable[[Facts], Array]
     stage: Callable[[Facts], NDArray[np.int64]]
-    rewards: Callable[[Facts, Array, Facts], Array]
-    success: Callable[[Facts, Facts], NDArray[np.bool_]]
+    success: Callable[[NDArray[np.int64], Facts], NDArray[np.bool_]]
+    rewards: Callable[[Facts, NDArray[np.int64], Array, Facts, NDArray[np.int64]], Array]
     expert: Callable[[Facts, SceneSpec], Array]
     requires: frozenset[str] = frozenset()
 
