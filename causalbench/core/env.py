@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from causalbench.core.batch import BatchScene, SceneList
-from causalbench.core.scene import Facts, Scene, SceneSpec, check_action
+from causalbench.core.scene import Facts, Scene, SceneSpec
 from causalbench.core.tasks.stages import judge
 from causalbench.core.tasks.task import Task
-from causalbench.errors import LayoutDrawError, UnreachableLayoutError, UserError
+from causalbench.errors import InvalidActionError, LayoutDrawError, UnreachableLayoutError, UserError
 
 MAX_DRAWS = 200
 """Starts that may be refused in a row before a reset gives up."""
@@ -26,14 +26,14 @@ def reset_worlds(
 ) -> None:
     """Reset worlds `indices` of `batch`, each to a start drawn from its own generator.
 
-    A start is drawn again until it is reachable, free of contact and inside `stage` (any stage if None).
+    A start is drawn again until it is reachable, free of contact, holds nothing and lies inside `stage` (any if None).
     Raises `LayoutDrawError` after `MAX_DRAWS` refused draws.
     """
     pending = list(zip(indices, rngs, strict=True))
     for _ in range(MAX_DRAWS):
         refused = [world for world in pending if not _place(task, batch, *world, stage or 1)]
         facts = batch.facts()
-        usable = ~(facts.collision_base | facts.collision_arm | facts.collision_self)
+        usable = ~(facts.collision_base | facts.collision_arm | facts.collision_self | facts.holding)
         if stage is not None:
             usable &= task.stage(facts) == stage
         pending = [world for world in pending if world in refused or not usable[world[0]]]
@@ -133,7 +133,10 @@ class StageTaskEnv(gym.Env[Observation, NDArray[np.float32]]):
     ) -> tuple[Observation, dict[str, Any]]:
         """A new start, drawn from `self.np_random`; `options={"stage": i}` starts inside stage i."""
         super().reset(seed=seed)
-        reset_worlds(self.task, SceneList([self.scene]), [0], [self.np_random], (options or {}).get("stage"))
+        stage = (options or {}).get("stage")
+        if stage is not None and stage not in range(1, self.task.n_stages + 1):
+            raise UserError(f"options: stage {stage!r} is not one of 1 to {self.task.n_stages} of {self.task.name}")
+        reset_worlds(self.task, SceneList([self.scene]), [0], [self.np_random], stage)
         self._facts = self.scene.facts()
         self._stage = self.task.stage(self._facts)
         self._clock = 0
@@ -142,9 +145,11 @@ class StageTaskEnv(gym.Env[Observation, NDArray[np.float32]]):
     def step(self, action: NDArray[Any]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """One control step; see the class for what comes back. Raises `InvalidActionError`."""
         previous, stage = self.facts, self._stage
-        action = check_action(action, (len(self.action_names),))
+        action = np.asarray(action, dtype=np.float64)
+        if action.shape != (len(self.action_names),):
+            raise InvalidActionError(f"action has shape {action.shape}, expected ({len(self.action_names)},)")
         self._full_action[self._columns] = action
-        self.scene.step(self._full_action)
+        self.scene.step(self._full_action)  # the scene refuses what is not finite or leaves [-1, 1]
         now = self.scene.facts()
         result = judge(self.task, stage, previous, action, now)
         self._facts, self._stage = now, result.next_stage

@@ -50,7 +50,7 @@ def evaluate(policy: StagedPolicy, env: StageTaskEnv, episodes: int, env_steps: 
 
 
 def _episode(policy: StagedPolicy, env: StageTaskEnv, seed: int, deterministic: bool, hold: bool) -> _Outcome:
-    obs, _ = env.reset(seed=seed)
+    obs, _ = env.reset(seed=seed, options={"stage": 1})
     returns, reversals, length = np.zeros(len(env.reward_names)), 0, 0
     over = False
     info: dict[str, Any] = {}

@@ -50,7 +50,8 @@ class SACAgent:
         self.mask = torch.from_numpy(plan.mask).float().T[:, None, :]  # (n_critics, 1, n_actions)
         self.entropy = torch.from_numpy(plan.entropy).float()[:, None]  # (n_critics, 1)
         self.buffer = StageBuffer(settings.buffer_size, n_obs, n_actions, n_critics)
-        self.q_scale, self.updates = 1.0, 0
+        self.own_scale = self.next_scale = 1.0  # running mean |Q| of both critics on this stage's states (cSAC)
+        self.updates = 0
 
     def act(self, obs: Tensor, deterministic: bool) -> Tensor:
         """Actions (n, n_actions) in [-1, 1] of the agent's own dimensions; `obs` (n, n_obs)."""
@@ -109,7 +110,9 @@ class SACAgent:
             # of their own running size, times this critic's size so that the temperature keeps its meaning.
             share = self.settings.cooperation_weight
             other = next_agent.masked_value(obs, action)
-            scale, other_scale = self._track_scale(value), next_agent._track_scale(other)
+            self.own_scale = _running_scale(self.own_scale, value)
+            self.next_scale = _running_scale(self.next_scale, other)
+            scale, other_scale = max(self.own_scale, LEAST_SCALE), max(self.next_scale, LEAST_SCALE)
             value = scale * ((1 - share) * value / scale + share * other / other_scale)
         return (alpha * log_prob - value).mean()
 
@@ -130,10 +133,6 @@ class SACAgent:
         totals = twins.sum(1)
         return torch.where(totals[0] <= totals[1], twins[0], twins[1])
 
-    def _track_scale(self, value: Tensor) -> float:
-        self.q_scale = SCALE_DECAY * self.q_scale + (1 - SCALE_DECAY) * float(value.detach().abs().mean())
-        return max(self.q_scale, LEAST_SCALE)
-
     def _noise(self, shape: torch.Size) -> Tensor:
         return torch.randn(shape, generator=self.generator)
 
@@ -142,3 +141,7 @@ class SACAgent:
         for w, gradient in zip(weights, torch.autograd.grad(loss, weights), strict=True):
             w.grad = gradient
         optimizer.step()
+
+
+def _running_scale(scale: float, value: Tensor) -> float:
+    return SCALE_DECAY * scale + (1 - SCALE_DECAY) * float(value.detach().abs().mean())

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from causalbench.core import rotations
 from causalbench.core.layout import Box, Layout, Workspace
+from causalbench.core.rotations import components
 from causalbench.core.scene import Facts, SceneSpec
 from causalbench.core.tasks.stages import active_terms
 from causalbench.core.tasks.task import CausalSets, Task, Term
@@ -129,7 +130,7 @@ def draw_layout(rng: np.random.Generator, workspace: Workspace, max_opening: flo
         base_pose=np.array([0.0, 0.0, BASE_YAW]),
         eef_position=_to_world(hand),
         eef_quaternion=rotations.canonical(rotations.multiply(BASE_QUATERNION, posture)),
-        gripper_opening=float(opening),
+        gripper_opening=float(min(opening, max_opening)),
     )
 
 
@@ -152,15 +153,15 @@ def state_bounds(workspace: Workspace) -> tuple[Array, Array]:
 
 def observe(facts: Facts) -> Array:
     """State variables (..., 15) of the paper's appendix, in the robot base frame; names in `STATE_NAMES`."""
-    base_x, base_y, yaw = facts.base_pose.T
+    base_x, base_y, yaw = components(facts.base_pose)
     cos, sin = np.cos(yaw), np.sin(yaw)
     rows = []
     for position in (facts.object_position, facts.eef_position):
-        x, y, z = position.T
+        x, y, z = components(position)
         x, y = x - base_x, y - base_y
         rows += [cos * x + sin * y, cos * y - sin * x, z]
     rows.append(rows[2] + HOVER)
-    w, x, y, z = facts.eef_quaternion.T
+    w, x, y, z = components(facts.eef_quaternion)
     cos, sin = np.cos(yaw / 2), np.sin(yaw / 2)
     posture = cos * y - sin * x
     # The sign that is nearest to the target: with w >= 0 the posture would jump at the target itself.
@@ -172,13 +173,13 @@ def observe(facts: Facts) -> Array:
 
 def tilt(facts: Facts) -> Array:
     """Angle (...) in radians between the approach axis and straight down."""
-    _, x, y, _ = facts.eef_quaternion.T
-    return np.arccos(np.minimum(np.maximum(2 * (x * x + y * y) - 1, -1.0), 1.0))
+    _, x, y, _ = components(facts.eef_quaternion)
+    return np.arccos(np.minimum(2 * (x * x + y * y) - 1, 1.0))
 
 
 def stage(facts: Facts) -> NDArray[np.int64]:
     """U(s), int (...), 1 to 4: a memoryless function of the relative pose, so that progress can reverse."""
-    x, y, z = (facts.eef_position - facts.object_position).T
+    x, y, z = components(facts.eef_position - facts.object_position)
     above = (abs(x) < TOLERANCE_XY) & (abs(y) < TOLERANCE_XY)
     hovering = above & (abs(z - HOVER) < TOLERANCE_HOVER)
     upright = above & (tilt(facts) < TOLERANCE_ORI)
@@ -197,8 +198,8 @@ def rewards(
     previous: Facts, stage: NDArray[np.int64], action: Array, now: Facts, next_stage: NDArray[np.int64]
 ) -> Array:
     """Reward vector (..., 9) of the step; terms outside `stage` = U(previous) are 0 (paper, Reward Setting)."""
-    x0, y0, z0 = (previous.eef_position - previous.object_position).T
-    x1, y1, z1 = (now.eef_position - now.object_position).T
+    x0, y0, z0 = components(previous.eef_position - previous.object_position)
+    x1, y1, z1 = components(now.eef_position - now.object_position)
     done = success(stage, now)
     terms = np.array(
         [
