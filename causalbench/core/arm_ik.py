@@ -22,7 +22,7 @@ Mask = NDArray[np.bool_]
 
 DAMPING = 2e-4  # of the least squares, rotations weighted
 ROTATION_WEIGHT = 0.3  # m: an error of one radian counts as much as one of 0.3 m
-MAX_JOINT_SPEED = 3.0  # rad/s of a joint target
+MAX_JOINT_SPEED = 1.5  # rad/s of a joint target: what servos with 0.04 s of lag follow within LEAD
 LEAD = 0.10  # rad by which a joint target may lie off the measured joint: bounds force and wind-up
 ITERATIONS = 2  # per control step; with one alone the hand drifts while it turns
 FREEZES = 3  # passes in which joints at a limit are taken out of the least squares
@@ -169,6 +169,18 @@ def _limited_least_squares(
 
 
 @nb.njit(cache=True)
+def _displace(
+    position: Array, rotation: Array, delta: Array, share: float, goal_position: Array, goal_rotation: Array
+) -> None:
+    """The goal (3,), (3, 3) = the pose (3,), (3, 3) moved by `share` of `delta` (6,), see `follow`."""
+    turn = np.empty((3, 3))
+    angle = np.sqrt(delta[3] * delta[3] + delta[4] * delta[4] + delta[5] * delta[5])
+    _rotation(delta[3:] / max(angle, 1e-12), angle * share, turn)
+    _matmul(rotation, turn, goal_rotation)
+    goal_position[:] = position + delta[:3] * share
+
+
+@nb.njit(cache=True)
 def follow(chain: Chain, target: Array, measured: Array, delta: Array, dt: float) -> None:
     """Move the joint targets by one control step of the macro actions, in place.
 
@@ -181,25 +193,30 @@ def follow(chain: Chain, target: Array, measured: Array, delta: Array, dt: float
     for i in range(6):
         moving = moving or delta[i] != 0.0
     if moving:
-        position, rotation, jacobian = np.empty(3), np.empty((3, 3)), np.empty((6, n))
-        goal_position, goal_rotation, turn = np.empty(3), np.empty((3, 3)), np.empty((3, 3))
-        twist, dq, free = np.empty(6), np.empty(n), np.empty(n, np.bool_)
+        start, dq, free = target.copy(), np.empty(n), np.empty(n, np.bool_)
+        position, rotation, jacobian, twist = np.empty(3), np.empty((3, 3)), np.empty((6, n)), np.empty(6)
+        goal_position, goal_rotation = np.empty(3), np.empty((3, 3))
         for iteration in range(ITERATIONS):
             forward(chain, target, position, rotation, jacobian)
             if iteration == 0:
-                angle = np.sqrt(delta[3] ** 2 + delta[4] ** 2 + delta[5] ** 2)
-                _rotation(delta[3:] / max(angle, 1e-12), angle, turn)
-                _matmul(rotation, turn, goal_rotation)
-                goal_position[:] = position + delta[:3]
-            twist[:3] = goal_position - position
-            _rotation_error(goal_rotation, rotation, twist[3:])
+                twist[:3] = delta[:3]
+                for i in range(3):
+                    twist[3 + i] = rotation[i, 0] * delta[3] + rotation[i, 1] * delta[4] + rotation[i, 2] * delta[5]
+            else:
+                twist[:3] = goal_position - position
+                _rotation_error(goal_rotation, rotation, twist[3:])
             twist[3:] *= ROTATION_WEIGHT
             jacobian[3:] *= ROTATION_WEIGHT
             _limited_least_squares(jacobian, target, chain.limits, twist, DAMPING, free, dq)
-            excess = np.abs(dq).max() / (MAX_JOINT_SPEED * dt)
+            slower = 1.0 / max(np.abs(dq).max() / (MAX_JOINT_SPEED * dt), 1.0)
+            if iteration == 0:
+                # Joints too slow for the action slow the hand down on its way; they do not bend the way.
+                _displace(position, rotation, delta, slower, goal_position, goal_rotation)
             for k in range(n):
-                step = dq[k] / max(excess, 1.0)
-                target[k] = min(max(target[k] + step, chain.limits[k, 0]), chain.limits[k, 1])
+                target[k] = min(max(target[k] + dq[k] * slower, chain.limits[k, 0]), chain.limits[k, 1])
+        slower = 1.0 / max(np.abs(target - start).max() / (MAX_JOINT_SPEED * dt), 1.0)
+        for k in range(n):
+            target[k] = start[k] + (target[k] - start[k]) * slower
     for k in range(n):
         target[k] = min(max(target[k], measured[k] - LEAD), measured[k] + LEAD)
 

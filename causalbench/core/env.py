@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import gymnasium as gym
 import numpy as np
@@ -105,7 +105,7 @@ class StageTaskEnv(gym.Env[Observation, NDArray[np.float32]]):
     `terminated` is the task's verdict, `truncated` the clock (`task.horizon` control steps).
     """
 
-    metadata = {"render_modes": ["rgb_array"]}
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"]}
 
     def __init__(self, task: Task, scene: Scene, render_mode: str | None = None, observe_gripper: bool = True) -> None:
         self.task, self.scene, self.render_mode = task, scene, render_mode
@@ -119,7 +119,7 @@ class StageTaskEnv(gym.Env[Observation, NDArray[np.float32]]):
         self.observation_space = self._observer.space
         self._clock = 0
         self._facts: Facts | None = None
-        self._stage = np.int64(0)
+        self._stage: NDArray[np.int64] = np.array(0)
 
     @property
     def facts(self) -> Facts:
@@ -142,7 +142,7 @@ class StageTaskEnv(gym.Env[Observation, NDArray[np.float32]]):
     def step(self, action: NDArray[Any]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """One control step; see the class for what comes back. Raises `InvalidActionError`."""
         previous, stage = self.facts, self._stage
-        action = check_action(action, self.action_space.shape)
+        action = check_action(action, (len(self.action_names),))
         self._full_action[self._columns] = action
         self.scene.step(self._full_action)
         now = self.scene.facts()
@@ -156,11 +156,11 @@ class StageTaskEnv(gym.Env[Observation, NDArray[np.float32]]):
             "reversal": bool(result.reversal),
             "is_success": bool(result.success),
         }
-        terminated = info["is_success"]
+        terminated = bool(result.success)
         truncated = self._clock >= self.task.horizon and not terminated
         return self._observer(now, self._stage), float(result.vector_reward.sum()), terminated, truncated, info
 
-    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
+    def render(self) -> NDArray[np.uint8] | None:
         """The scene camera's picture, 480 x 360, when `render_mode` is "rgb_array"."""
         return self.scene.render(480, 360) if self.render_mode == "rgb_array" else None
 

@@ -27,7 +27,7 @@ class Workspace:
 
 @dataclass(frozen=True)
 class Box:
-    """An axis-aligned box in its own frame: half extents (3,), centre (3,) in metres and quaternion (4,) in the world."""
+    """A box: half extents (3,) along its own axes, centre (3,) in metres and quaternion (4,) in the world."""
 
     name: str
     half_extents: Array

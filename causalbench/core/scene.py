@@ -19,6 +19,7 @@ from causalbench.core.layout import Layout, Workspace
 from causalbench.errors import CausalbenchError, InvalidActionError
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 ACTION_SPEED: Mapping[str, float] = {
     "forward": 0.6,  # m/s of the base at |a| = 1
@@ -62,8 +63,8 @@ class SceneSpec:
 class Facts:
     """All that a task may see, at the end of a control step, in the world frame.
 
-    Shapes are those of one world; all fields may carry the same one leading batch dimension. Arrays are the reader's own: never views of
-    simulator memory. A collision flag is true if the contact exists at the end of the control step; the
+    Shapes are those of one world; all fields may carry the same one leading batch dimension. Arrays are the
+    reader's own: never views of simulator memory. A collision flag is true if the contact exists at the end of the control step; the
     arm includes the gripper; contact with the task object is not a collision. `holding` is true when both
     finger pads press on the task object.
     """
@@ -71,14 +72,14 @@ class Facts:
     eef_position: Array  # (..., 3) m
     eef_quaternion: Array  # (..., 4)
     gripper_opening: Array  # (...) m between the finger pads
-    holding: Array  # (...) bool
+    holding: Flags  # (...)
     object_position: Array  # (..., 3) m, centre of the task object
     object_quaternion: Array  # (..., 4)
     base_pose: Array  # (..., 3) x m, y m, yaw rad
     base_velocity: Array  # (..., 2) forward m/s, turn rad/s
-    collision_base: Array  # (...) bool
-    collision_arm: Array  # (...) bool
-    collision_self: Array  # (...) bool
+    collision_base: Flags  # (...)
+    collision_arm: Flags  # (...)
+    collision_self: Flags  # (...)
 
 
 class Scene(ABC):
@@ -113,7 +114,8 @@ class Scene(ABC):
     def restore(self, snapshot: bytes) -> None:
         """Return to a snapshot made by any scene of an equal spec, also in another process.
 
-        With the capability "exact_restore" every later step is bit-identical to the first time. Raises `SnapshotError`.
+        With the capability "exact_restore" every later step is bit-identical to the first time.
+        Raises `SnapshotError`.
         """
 
     def render(self, width: int, height: int, camera: str = "scene") -> NDArray[np.uint8]:

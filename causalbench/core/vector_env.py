@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 import gymnasium as gym
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from causalbench.core.batch import BatchScene
 from causalbench.core.env import Observation, Observer, action_columns, reset_worlds
-from causalbench.core.scene import check_action
+from causalbench.core.scene import Facts, check_action
 from causalbench.core.tasks.stages import judge
 from causalbench.core.tasks.task import Task
 
@@ -24,7 +24,7 @@ class StageTaskVectorEnv(gym.vector.VectorEnv[Observation, NDArray[Any], NDArray
     World i draws its starts from its own generator, seeded with [seed, i].
     """
 
-    metadata = {"autoreset_mode": gym.vector.AutoresetMode.SAME_STEP}
+    metadata: ClassVar[dict[str, Any]] = {"autoreset_mode": gym.vector.AutoresetMode.SAME_STEP}
 
     def __init__(self, task: Task, batch: BatchScene, observe_gripper: bool = True) -> None:
         self.task, self.batch, self.num_envs = task, batch, batch.n
@@ -36,12 +36,15 @@ class StageTaskVectorEnv(gym.vector.VectorEnv[Observation, NDArray[Any], NDArray
         self.action_space = batch_space(self.single_action_space, batch.n)
         self._full_action = np.zeros((batch.n, len(batch.spec.actions)))
         self._clock = np.zeros(batch.n, dtype=np.int64)
+        self._rngs: list[np.random.Generator] = []
+        self._facts: Facts
+        self._stage: NDArray[np.int64]
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
         """New starts in every world."""
-        if seed is not None or not hasattr(self, "_rngs"):
+        if seed is not None or not self._rngs:
             self._rngs = [np.random.default_rng(None if seed is None else [seed, i]) for i in range(self.num_envs)]
         self._restart(np.arange(self.num_envs))
         return self._observer(self._facts, self._stage), {"stage": self._stage.copy()}

@@ -141,7 +141,7 @@ def test_graph_round_trip_and_refusals(tmp_path):
     edited["stages"][0]["matrix"][0][0] = True
     with pytest.raises(InvalidGraphError, match="was it edited"):
         CausalGraph.from_json(json.dumps(edited), "graph.json")
-    with pytest.raises(InvalidGraphError, match="graph.json: not a causal graph"):
+    with pytest.raises(InvalidGraphError, match=r"graph\.json: not a causal graph"):
         CausalGraph.from_json("{}", "graph.json")
     empty = dataclasses.replace(graph.stages[3], matrix=np.zeros_like(graph.stages[3].matrix))
     with pytest.raises(InvalidGraphError, match="stage 4: no action causes"):
@@ -172,8 +172,7 @@ def test_finds_the_closed_form_truth_on_kinematic(seed):
     graph = discover(TASK, make, DiscoverySettings(), seed, _quiet)
     found = {
         g.stage: {
-            t: {a for a, chosen in zip(g.actions, g.matrix[:, j], strict=True) if chosen}
-            for j, t in enumerate(g.terms)
+            t: {a for a, chosen in zip(g.actions, g.matrix[:, j], strict=True) if chosen} for j, t in enumerate(g.terms)
         }
         for g in graph.stages
     }
@@ -182,7 +181,7 @@ def test_finds_the_closed_form_truth_on_kinematic(seed):
 
 @pytest.mark.parametrize("stage", [1, 2, 3, 4])
 def test_closed_form_truth_by_exact_counterfactuals(stage):
-    """The same state and other actions, a_k random against 0: the effect is exactly zero unless the truth has the edge."""
+    """Same state, same other actions, a_k random against 0: the effect is exactly zero unless the truth has the edge."""
     rng = np.random.default_rng(stage)
     env = StageTaskEnv(TASK, KinematicScene())
     effects = np.zeros((7, 9))

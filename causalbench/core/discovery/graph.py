@@ -48,7 +48,7 @@ class StageGraph:
 
 @dataclass(frozen=True)
 class CausalGraph:
-    """One `StageGraph` per stage. `origin` says how it was made; `provenance` holds settings, seed, data hash, versions.
+    """One `StageGraph` per stage. `provenance` holds settings, seed, data hash and versions.
 
     `env_steps` counts every environment step that discovery took; 0 for a declared graph.
     """
@@ -74,7 +74,7 @@ class CausalGraph:
 
     @classmethod
     def from_json(cls, text: str, source: Path | str = "causal graph") -> CausalGraph:
-        """The graph in `text`. Raises `InvalidGraphError` when it is no graph or its hash does not match its content."""
+        """The graph in `text`. Raises `InvalidGraphError` when it is none or its hash does not match its content."""
         try:
             data = json.loads(text)
             claimed = data.pop("hash")

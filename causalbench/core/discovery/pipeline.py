@@ -9,6 +9,7 @@ from dataclasses import asdict
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 
 from causalbench.core.batch import BatchScene, make_batch
 from causalbench.core.discovery.collect import Samples, collect
@@ -35,7 +36,9 @@ def discover(
     """
     batch = make_batch(make_scene, N_WORLDS)
     try:
-        results = [_discover_stage(task, batch, stage, settings, seed, on_progress) for stage in range(1, task.n_stages + 1)]
+        results = [
+            _discover_stage(task, batch, stage, settings, seed, on_progress) for stage in range(1, task.n_stages + 1)
+        ]
     finally:
         batch.close()
     digest = hashlib.sha256("".join(data for _, _, data in results).encode()).hexdigest()
@@ -102,7 +105,7 @@ def _discover_stage(
         divergence(*models.predict(inference.without(k), k), *models.predict(inference, k), settings.sigma_kl)
         for k in range(len(interventions))
     ]
-    kl = Divergence(*(torch.stack(column).numpy() for column in zip(*pairs, strict=True)))
+    kl = Divergence(*(torch.stack(column) for column in zip(*pairs, strict=True)))
     graph = _select_stage(task, stage, terms, kl, term_scale(random)[1], settings)
     digest = "".join(samples.digest() for samples in (random, inference, *interventions))
     return graph, steps, digest
@@ -113,10 +116,10 @@ def _select_stage(
     stage: int,
     terms: tuple[str, ...],
     kl: Divergence,
-    testable: np.ndarray,
+    testable: NDArray[np.bool_],
     settings: DiscoverySettings,
 ) -> StageGraph:
-    """Algorithm 2 on every term, then the placebo gate; `kl` holds (n_actions + n_placebos, n_terms) arrays."""
+    """Algorithm 2 on every term, then the placebo gate; `kl` is (n_actions + n_placebos, n_terms)."""
     k = len(task.actions)
     used = np.asarray(getattr(kl, settings.direction)).clip(min=0.0)
     matrix = declared_matrix(task, stage, terms)

@@ -8,11 +8,13 @@ side in one batched matrix product and the loss is the sum over pairs.
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from causalbench.core.discovery.collect import Samples
@@ -46,7 +48,7 @@ class RewardModels:
         return out[..., 0], out[..., 1].clamp(self.log_sigma_min, LOG_SIGMA_MAX)
 
 
-def term_scale(random: Samples) -> tuple[np.ndarray, np.ndarray]:
+def term_scale(random: Samples) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """(deviation (n_terms,), testable (n_terms,)): a term that never varies in D_random cannot be tested."""
     scale = random.rewards.astype(np.float64).std(0)
     testable = scale > 1e-6 * np.abs(random.rewards).max(0).clip(min=1.0)
@@ -93,7 +95,7 @@ def train_reward_models(
     stale = epoch = 0
     for epoch in range(1, settings.max_epochs + 1):
         shuffled = train[torch.randperm(len(train), generator=generator)]
-        for rows in shuffled.split(settings.batch_size):
+        for rows in torch.split(shuffled, settings.batch_size):
             optimizer.zero_grad(set_to_none=True)
             loss(rows).sum().backward()  # type: ignore[no-untyped-call]
             optimizer.step()
@@ -120,7 +122,7 @@ def _inputs(samples: Samples) -> Tensor:
 def _initial_weights(pairs: int, n_inputs: int, generator: torch.Generator) -> list[Tensor]:
     weights = []
     sizes = (n_inputs, *HIDDEN, 2)
-    for fan_in, fan_out in zip(sizes, sizes[1:], strict=False):
+    for fan_in, fan_out in pairwise(sizes):
         bound = 1 / math.sqrt(fan_in)  # torch.nn.Linear's own initialisation
         for rows in (fan_in, 1):
             uniform = torch.rand(pairs, rows, fan_out, generator=generator)

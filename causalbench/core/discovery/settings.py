@@ -8,7 +8,7 @@ from typing import Literal
 
 @dataclass(frozen=True)
 class DiscoverySettings:
-    """Settings of Algorithms 1 and 2. The defaults are ours (docs/discovery.md says why); `PRESETS["paper"]` the paper's."""
+    """Settings of Algorithms 1 and 2. The defaults are ours (see docs/discovery.md); `PRESETS["paper"]` the paper's."""
 
     training_count: int = 3_000  # samples in D_random and in each D_do[a_k], per stage
     inference_fraction: float = 0.2  # size of D_inference relative to training_count

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from causalbench.core.discovery.graph import CausalGraph
 
@@ -21,7 +22,7 @@ def kl_table(graph: CausalGraph) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def used_kl(graph: CausalGraph, stage: int) -> np.ndarray:
+def used_kl(graph: CausalGraph, stage: int) -> NDArray[np.float64]:
     """(n_actions, n_terms) KL of one stage in the direction that Algorithm 2 saw."""
     name = {"forward": "kl", "reverse": "kl_reverse", "symmetric": "kl_symmetric"}
     return np.asarray(getattr(graph.stages[stage - 1], name[graph.provenance["settings"]["direction"]]))

@@ -37,7 +37,7 @@ class StagePlan:
 
 
 def training_matrix(task: Task, graph: CausalGraph, stage: int) -> NDArray[np.bool_]:
-    """(n_actions, n_terms) over all the task's terms: the graph's columns, all-ones for terms outside discovery, 0 elsewhere."""
+    """(n_actions, n_terms) over all the task's terms: the graph's columns; ones for terms outside discovery."""
     full = np.zeros((len(task.actions), len(task.terms)), dtype=bool)
     found = graph.stages[stage - 1]
     for j, term in enumerate(task.terms):

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from causalbench.core.env import StageTaskEnv
 from causalbench.core.learners.policy import StagedPolicy
@@ -23,7 +24,7 @@ class _Outcome:
     reversals: int
     final_stage: int  # n_stages + 1 on success
     length: int
-    returns: np.ndarray  # (n_terms,)
+    returns: NDArray[np.float64]  # (n_terms,)
 
 
 def evaluate(policy: StagedPolicy, env: StageTaskEnv, episodes: int, env_steps: int, hold: bool) -> Evaluation:

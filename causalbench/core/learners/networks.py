@@ -8,6 +8,7 @@ Weights are [W1, b1, W2, b2, ...].
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import torch
 from torch import Tensor
@@ -28,7 +29,7 @@ def init_critics(
     """Weights (count, n_in, n_out) and biases (count, n_out) with torch.nn.Linear's initialisation."""
     weights = []
     sizes = (n_inputs, *net_arch, n_outputs)
-    for fan_in, fan_out in zip(sizes, sizes[1:], strict=False):
+    for fan_in, fan_out in pairwise(sizes):
         bound = 1 / math.sqrt(fan_in)
         for shape in ((count, fan_in, fan_out), (count, fan_out)):
             weights.append((torch.rand(shape, generator=generator) * 2 - 1) * bound)

@@ -37,7 +37,7 @@ class ObservationScale:
     def __call__(self, obs: dict[str, Any]) -> Tensor:
         """(n, n_obs) float32 network input; `obs` in batches. The networks do not read `stage`."""
         parts = [obs["state"], obs["gripper"]] if len(self.low) > obs["state"].shape[-1] else [obs["state"]]
-        low, high = np.float32(self.low), np.float32(self.high)
+        low, high = np.array(self.low, dtype=np.float32), np.array(self.high, dtype=np.float32)
         return torch.from_numpy((np.concatenate(parts, axis=-1) - low) * (2 / (high - low)) - 1)
 
 
@@ -81,7 +81,9 @@ class StagedPolicy:
     def save(self, folder: Path) -> None:
         """Write `policy.safetensors` and `policy.json` into `folder`."""
         folder.mkdir(parents=True, exist_ok=True)
-        tensors = {f"stage{i}.{k}": w.detach().contiguous() for i, a in enumerate(self.actors, 1) for k, w in enumerate(a)}
+        tensors = {
+            f"stage{i}.{k}": w.detach().contiguous() for i, a in enumerate(self.actors, 1) for k, w in enumerate(a)
+        }
         save_file(tensors, folder / "policy.safetensors")
         meta = {
             "schema": SCHEMA,

@@ -36,7 +36,9 @@ class SACAgent:
         n_actions, n_critics = plan.mask.shape
         arch, lr = settings.net_arch, settings.learning_rate
         self.actor = init_actor(n_obs, arch, n_actions, self.generator)
-        self.critics = init_critics(2 * n_critics, n_obs + n_actions, arch, 1, self.generator)  # twins: c, c + n_critics
+        self.critics = init_critics(
+            2 * n_critics, n_obs + n_actions, arch, 1, self.generator
+        )  # twins: c, c + n_critics
         self.targets = [w.clone() for w in self.critics]
         self.log_alpha = torch.tensor([math.log(settings.ent_coef_init)])
         for w in (*self.actor, *self.critics, self.log_alpha):

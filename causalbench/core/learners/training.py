@@ -30,12 +30,12 @@ from causalbench.errors import InvalidGraphError
 class StagedSAC:
     """One `SACAgent` per stage and the routing between them."""
 
-    def __init__(self, task: Task, plans: list[StagePlan], scale: ObservationScale, settings: SACSettings, seed: int) -> None:
+    def __init__(
+        self, task: Task, plans: list[StagePlan], scale: ObservationScale, settings: SACSettings, seed: int
+    ) -> None:
         self.task, self.plans, self.scale, self.settings = task, plans, scale, settings
         seeds = np.random.SeedSequence(seed).generate_state(len(plans) + 2)
-        self.agents = [
-            SACAgent(plan, len(scale.low), settings, int(s)) for plan, s in zip(plans, seeds, strict=False)
-        ]
+        self.agents = [SACAgent(plan, len(scale.low), settings, int(s)) for plan, s in zip(plans, seeds, strict=False)]
         self.rng = np.random.default_rng(int(seeds[-1]))
         self.policy = StagedPolicy(
             [agent.actor for agent in self.agents],
@@ -109,7 +109,7 @@ def train(
 
     `graph` is the discovered one where the method asks for it; the declared and the empty one are found here.
     `on_evaluation` gets an evaluation every `evaluation.every` steps, the last one with the lift-and-hold test.
-    Raises `InvalidGraphError` for a graph that is missing or does not fit, `DivergedError` for a loss that is not finite.
+    Raises `InvalidGraphError` for a missing or wrong graph and `DivergedError` for a loss that is not finite.
     """
     graph = _graph_of(task, method, graph)
     plans = [stage_plan(task, method, graph, stage, settings.critics) for stage in range(1, task.n_stages + 1)]

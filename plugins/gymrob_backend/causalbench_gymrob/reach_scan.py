@@ -1,7 +1,8 @@
 """Where Fetch can start: `python -m causalbench_gymrob.reach_scan` prints the scan that `WORKSPACE` was chosen from.
 
 The rule: a box may stand wherever its hover pose (tilted or not) and its face-down grasp are all reachable. The hand
-starts clear of the box, and as far out and up as leaves at least half of the tilted postures reachable on each face.
+starts clear of the box, as far out as leaves at least half of the tilted postures reachable on each face, and no
+higher than the upper arm stays clear of the head on the way down.
 Then starts are drawn for real, and counted: how many are refused, and how many lie on the reach limit.
 """
 
@@ -22,7 +23,9 @@ from causalbench_gymrob.world import World
 
 Array = NDArray[np.float64]
 
-LIMIT_SHARE = 0.2  # a start is on the reach limit if armx changes the height by this share of what armz would
+PUSHES = 5  # full steps of armx by which a start is tried for the reach limit
+SHORT = 0.5  # it is at the limit if they bring the hand less than this share of the way
+BENT = 0.05  # and its height depends on armx if they change it by this share of the way
 FACE_POINTS = 7  # per side of the grid on a face of the hand's box
 TILTED = [(pitch, roll) for pitch in (task.TILT_LOW, 0.675, task.TILT_HIGH) for roll in (-task.ROLL, 0.0, task.ROLL)]
 _SLANT = task.TOLERANCE_ORI / math.sqrt(2)
@@ -72,31 +75,41 @@ def faces(low: tuple[float, ...], high: tuple[float, ...]) -> Iterator[tuple[str
 
 
 def draw_starts(scene: GymrobScene, count: int, seed: int = 0) -> dict[str, float]:
-    """Shares of `count` drawn starts of stage 1: refused by cause, and on the reach limit among the accepted."""
+    """Shares of `count` drawn starts of stage 1: refused by cause; at the reach limit, among the accepted."""
     rng = np.random.default_rng(seed)
-    tally = dict.fromkeys(("out of reach or not at rest", "in contact", "in another stage", "accepted", "on limit"), 0)
-    push = np.zeros(len(ACTIONS))
-    push[0] = 1.0
-    armz_step = scene.spec.action_speed[2] * scene.spec.control_dt
+    refused = dict.fromkeys(("out of reach or not at rest", "in contact", "in another stage"), 0)
+    short = bent = 0
     for _ in range(count):
-        layout = task.draw_layout(rng, scene.spec.workspace, scene.spec.max_opening, 1)
         try:
-            scene.reset(layout)
+            scene.reset(task.draw_layout(rng, scene.spec.workspace, scene.spec.max_opening, 1))
         except UnreachableLayoutError:
-            tally["out of reach or not at rest"] += 1
+            refused["out of reach or not at rest"] += 1
             continue
         facts = scene.facts()
         if facts.collision_arm or facts.collision_self or facts.collision_base:
-            tally["in contact"] += 1
+            refused["in contact"] += 1
         elif task.stage(facts) != 1:
-            tally["in another stage"] += 1
+            refused["in another stage"] += 1
         else:
-            tally["accepted"] += 1
-            scene.step(push)
-            rise = scene.facts().eef_position[2] - facts.eef_position[2]
-            tally["on limit"] += abs(rise) > LIMIT_SHARE * armz_step
-    shares = {name: value / count for name, value in tally.items()}
-    return shares | {"on limit": tally["on limit"] / max(tally["accepted"], 1)}
+            forward, up = _push(scene)
+            short += forward < SHORT
+            bent += abs(up) > BENT
+    accepted = count - sum(refused.values())
+    shares = {name: value / count for name, value in refused.items()} | {"accepted": accepted / count}
+    return shares | {"at the reach limit": short / accepted, "armx changes height": bent / accepted}
+
+
+def _push(scene: GymrobScene) -> tuple[float, float]:
+    """How far forward and up the hand goes under `PUSHES` full steps of armx, as shares of the commanded way."""
+    action = np.zeros(len(ACTIONS))
+    action[0] = 1.0
+    before = scene.facts()
+    for _ in range(PUSHES):
+        scene.step(action)
+    way = PUSHES * scene.spec.action_speed[0] * scene.spec.control_dt
+    moved = (scene.facts().eef_position - before.eef_position) / way
+    yaw = before.base_pose[2]
+    return float(np.cos(yaw) * moved[0] + np.sin(yaw) * moved[1]), float(moved[2])
 
 
 def main(count: int = 2000) -> None:
