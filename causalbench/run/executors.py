@@ -24,7 +24,13 @@ from causalbench.suite.plan import Cell, DiscoveryCell
 Outcomes = Iterator[tuple[Cell, Status]]
 OnCellProgress = Callable[[Cell, Progress], None]
 
-PRELOAD = ["torch", "causalbench.core.learners.training", "causalbench.core.discovery.pipeline"]
+PRELOAD = [
+    "__main__",
+    "torch",
+    "causalbench.core.learners.training",
+    "causalbench.core.discovery.pipeline",
+    "causalbench.run.executors",
+]
 """What the fork server imports once for all cells. Never a simulator: many cannot be forked."""
 
 

@@ -100,11 +100,11 @@ class TableView:
     """One line per cell: state, progress, latest success and reversals, time left."""
 
     def __init__(self, console: Console) -> None:
-        self.live = Live(console=console, get_renderable=self._table, refresh_per_second=4)
         self.cells: Sequence[Cell] = ()
         self.statuses: dict[str, Status] = {}
         self.progress: dict[str, Progress] = {}
         self.started: dict[str, float] = {}
+        self.live = Live(console=console, get_renderable=self._table, refresh_per_second=4)  # draws at once
 
     def begin(self, cells: Sequence[Cell], to_do: Sequence[Cell], run: RunFolder) -> None:
         """Show the table."""

@@ -5,10 +5,13 @@ from __future__ import annotations
 import json
 import os
 import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+
+from causalbench.run.executors import PRELOAD
 
 PLUGIN = """
 import ctypes, os, signal, threading
@@ -104,3 +107,11 @@ def test_the_serial_executor_goes_on_after_an_exception(run: Callable, tmp_path:
     found = reasons(tmp_path / "run")
     assert found["raising", "mSAC"] == ("failed", "RuntimeError: the arm fell off")
     assert found["raising", "cmSAC"][0] == "skipped"
+
+
+def test_the_fork_server_never_imports_a_simulator() -> None:
+    code = f"import sys, importlib; [importlib.import_module(m) for m in {PRELOAD[1:]!r}]; print(*sys.modules)"
+    modules = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+    assert "torch" in modules
+    assert {"mujoco", "gymnasium_robotics", "robosuite", "pybullet"}.isdisjoint(modules)
+    assert PRELOAD[0] == "__main__"  # the command line, of which tests/test_cli.py says the same
