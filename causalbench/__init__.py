@@ -13,6 +13,7 @@ from causalbench.registration import register_with_gymnasium
 
 if TYPE_CHECKING:
     from causalbench.core.discovery.pipeline import discover as discover
+    from causalbench.core.learners.policy import load_policy as load_policy
     from causalbench.core.learners.training import train as train
     from causalbench.registration import make_env as make_env
 
@@ -20,6 +21,7 @@ __version__ = "0.1.0"
 
 _HOME = {
     "discover": "causalbench.core.discovery.pipeline",
+    "load_policy": "causalbench.core.learners.policy",
     "make_env": "causalbench.registration",
     "train": "causalbench.core.learners.training",
 }
