@@ -1,0 +1,56 @@
+"""What is read out of Bullet after a control step: poses in the project's convention and what touches what."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from causalbench_pybullet.engine import pb
+from causalbench_pybullet.robot import Robot
+from causalbench_pybullet.world import World
+
+Array = NDArray[np.float64]
+
+HOLDING_FORCE = 5.0  # N of each pad on the object: two and a half times the weight of the task's box
+_BODY_B, _LINK_A, _DISTANCE, _FORCE = 2, 3, 8, 9  # places in Bullet's contact points
+
+
+class Contacts(NamedTuple):
+    """What touches at the end of a control step. Touching the object is no collision."""
+
+    arm: bool
+    self_: bool
+    holding: bool
+
+
+def read_contacts(world: World) -> Contacts:
+    """Contacts count that bear force or overlap; Bullet also reports those that are about to be."""
+    arm = itself = False
+    forces = dict.fromkeys(world.fingers, 0.0)
+    for point in world.contacts():
+        other, link, force = point[_BODY_B], point[_LINK_A], point[_FORCE]
+        if other == world.object:
+            if link in forces:
+                forces[link] += force
+        elif force > 0.0 or point[_DISTANCE] <= 0.0:
+            if other == world.robot:
+                itself = True
+            else:
+                arm = True
+    return Contacts(arm, itself, min(forces.values()) > HOLDING_FORCE)
+
+
+def canonical_wxyz(quaternion: Any) -> Array:
+    """Bullet's quaternion (x, y, z, w) in the project's order, with unit length and w >= 0."""
+    x, y, z, w = quaternion
+    scale = math.copysign(1.0 / math.sqrt(w * w + x * x + y * y + z * z), w)
+    return np.array([w * scale, x * scale, y * scale, z * scale])
+
+
+def hand_pose(world: World, robot: Robot) -> tuple[Array, Array]:
+    """Position (3,) and quaternion (4,) of the end effector in the world."""
+    position, quaternion = pb.multiplyTransforms(*world.hand(), robot.hand_position, robot.hand_quaternion)
+    return np.array(position), canonical_wxyz(quaternion)
