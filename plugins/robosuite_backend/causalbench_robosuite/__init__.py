@@ -1,0 +1,32 @@
+"""robosuite's Panda in MuJoCo as a causalbench scene. Importing this imports no simulator."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from causalbench.hookspecs import Backend, hookimpl
+
+if TYPE_CHECKING:
+    from causalbench.core.scene import Scene
+
+__version__ = "0.1.0"
+
+
+def make(control_hz: float = 10.0, timestep: float = 0.002) -> Scene:
+    """A new scene that takes `control_hz` actions per second and integrates in steps of `timestep` seconds.
+
+    Raises `BrokenVersionError` when the installed simulator is a version that is not known to work.
+    """
+    from causalbench_robosuite.versions import check_versions
+
+    check_versions()  # before the import below: a broken version may fail in it with an obscure message
+    from causalbench_robosuite.scene import RobosuiteScene
+
+    return RobosuiteScene(control_hz, timestep)
+
+
+@hookimpl
+def causalbench_backends(register: Callable[[Backend], None]) -> None:
+    """Register the backend "robosuite"."""
+    register(Backend("robosuite", make, "MuJoCo", "Panda", ("mujoco", "robosuite")))

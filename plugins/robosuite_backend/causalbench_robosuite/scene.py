@@ -1,0 +1,187 @@
+"""`RobosuiteScene`: robosuite's Panda behind the `Scene` contract."""
+
+from __future__ import annotations
+
+from importlib import metadata
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from causalbench.core import arm_ik, stepping
+from causalbench.core.layout import Layout, Workspace
+from causalbench.core.scene import ACTION_SPEED, Facts, Scene, SceneSpec, check_action
+from causalbench.core.snapshots import SnapshotCodec
+from causalbench.errors import CausalbenchError
+from causalbench_robosuite import __version__, control, reading
+from causalbench_robosuite.model import FINGER_STROKE, gains
+from causalbench_robosuite.world import World
+
+Array = NDArray[np.float64]
+
+ACTIONS = ("armx", "army", "armz", "armrx", "armry", "armrz", "grip")
+WORKSPACE = Workspace(
+    table_height=0.85,
+    object_low=(0.50, -0.15),
+    object_high=(0.60, 0.15),
+    hand_low=(0.48, -0.20, 1.00),
+    hand_high=(0.68, 0.20, 1.25),
+)
+"""Result of `python -m causalbench_robosuite.reach_scan`; see the README."""
+
+LEAD, TURN_LEAD = 0.025, 0.1  # m, rad by which the hand's reference may run ahead: twice what a reversal needs
+GRIP_LEAD = 0.015  # m by which a finger's target may run ahead of the finger: 15 N of grip
+ARM_STARTS = tuple(
+    np.array([pan, shoulder, 0.0, elbow, 0.0, wrist, np.pi / 4 + pan])
+    for shoulder, elbow, wrist in ((0.3, -2.2, 2.7), (0.5, -2.0, 3.0), (0.8, -1.5, 3.0), (0.1, -2.4, 3.2))
+    for pan in (0.0, -0.4, 0.4)
+)
+"""Joint angles (rad) from which a reset looks for its pose, elbow up, in this order."""
+
+
+class RobosuiteScene(Scene):
+    """The Panda and one free box among fixtures. Holds the state after `mj_step1`: poses and contacts are fresh."""
+
+    def __init__(self, control_hz: float = 10.0, timestep: float = 0.002) -> None:
+        self.substeps = stepping.whole_substeps(control_hz, timestep)
+        arm_ik.announce()
+        self._world = World(timestep, n_fixtures=1)
+        self.spec = SceneSpec(
+            backend="robosuite",
+            backend_version=__version__,
+            engine="MuJoCo",
+            engine_version=metadata.version("mujoco"),
+            robot="Panda",
+            actions=ACTIONS,
+            action_speed=tuple(ACTION_SPEED[name] for name in ACTIONS),
+            workspace=WORKSPACE,
+            max_opening=self._world.gap + 2 * FINGER_STROKE,
+            control_dt=self.substeps * timestep,
+            timestep=timestep,
+            capabilities=frozenset({"exact_restore", "physics", "rgb"}),
+        )
+        self._codec = SnapshotCodec(self.spec)
+        self._law = control.Law(*gains(), LEAD, TURN_LEAD, GRIP_LEAD)
+        self._speed = np.array(self.spec.action_speed)
+        self._layout: Layout | None = None
+        self._base_pose = np.zeros(3)
+        self._pad_forces = np.zeros(2)
+        self._renderer: mujoco.Renderer | None = None
+
+    def reset(self, layout: Layout) -> None:
+        """Put the world into `layout`, at rest.
+
+        Raises `UnreachableLayoutError` when the arm cannot take the pose, or when the start is not at rest because
+        things overlap.
+        """
+        joints = arm_ik.reach(self._world.chain, layout, ARM_STARTS)
+        self._enter(layout)
+        world = self._world
+        mujoco.mj_resetData(world.model, world.data)
+        finger = min(max((layout.gripper_opening - world.gap) / 2, 0.0), FINGER_STROKE)
+        qpos = world.views.qpos
+        qpos[world.robot.joints] = joints
+        qpos[world.robot.fingers] = finger, -finger
+        qpos[world.free : world.free + 3] = layout.target.position
+        qpos[world.free + 3 : world.free + 7] = layout.target.quaternion
+        mujoco.mj_step1(world.model, world.data)
+        world.hold_still()
+        self._run(np.zeros(len(ACTIONS)), max(1, round(stepping.SETTLE / self.spec.timestep)))
+        world.data.time = 0.0
+        stepping.check_settled(self.facts(), layout)
+
+    def step(self, action: Array) -> None:
+        """Advance by one `spec.control_dt`; `action` (7,) in [-1, 1]. Raises `InvalidActionError`."""
+        twist = check_action(action, (len(ACTIONS),)) * self._speed
+        x, y, yaw = twist[0], twist[1], self._base_pose[2]
+        cos, sin = np.cos(yaw), np.sin(yaw)
+        twist[0], twist[1] = cos * x - sin * y, sin * x + cos * y
+        self._run(twist, self.substeps)
+
+    def facts(self) -> Facts:
+        """What holds now. `holding` goes by the pad forces of the last substep, all else by the state after it."""
+        w = self._world
+        x, flags = np.empty(15), np.empty(4, dtype=np.bool_)
+        reading.read(
+            w.data.contact.geom, w.classes, self._pad_forces, w.views.position, w.views.matrix, w.views.qpos,
+            w.robot.fingers, w.free, w.gap, x, flags,
+        )  # fmt: skip
+        return Facts(
+            eef_position=x[0:3],
+            eef_quaternion=x[3:7],
+            gripper_opening=x[7],
+            holding=flags[3],
+            object_position=x[8:11],
+            object_quaternion=x[11:15],
+            base_pose=self._base_pose.copy(),
+            base_velocity=np.zeros(2),
+            collision_base=flags[0],
+            collision_arm=flags[1],
+            collision_self=flags[2],
+        )
+
+    def snapshot(self) -> bytes:
+        """Layout, the pad forces, the controller's memory and MuJoCo's integration state."""
+        if self._layout is None:
+            raise CausalbenchError("call reset() before snapshot()")
+        state: bytes = np.concatenate([self._pad_forces, self._world.save()]).astype("<f8").tobytes()
+        return self._codec.pack(self._layout, state)
+
+    def restore(self, snapshot: bytes) -> None:
+        """Return to a snapshot, bit for bit. Raises `SnapshotError`."""
+        layout, packed = self._codec.unpack(snapshot)
+        state = np.frombuffer(packed, "<f8")
+        self._enter(layout)
+        self._world.load(state[2:])
+        self._pad_forces[:] = state[:2]
+
+    def render(self, width: int, height: int, camera: str = "scene") -> NDArray[np.uint8]:
+        """RGB image (height, width, 3) of the camera "scene" or of one of robosuite's, such as "agentview"."""
+        if self._renderer is None or (self._renderer.height, self._renderer.width) != (height, width):
+            self._close_renderer()
+            visual = self._world.model.vis.global_
+            visual.offwidth, visual.offheight = max(visual.offwidth, width), max(visual.offheight, height)
+            self._renderer = mujoco.Renderer(self._world.model, height, width)
+        self._renderer.update_scene(self._world.data, camera)
+        return np.asarray(self._renderer.render(), dtype=np.uint8)
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        """The compiled model, for measurements; a layout with another number of fixtures replaces it."""
+        return self._world.model
+
+    @property
+    def data(self) -> mujoco.MjData:
+        """The simulator's data, for measurements; a layout with another number of fixtures replaces it."""
+        return self._world.data
+
+    def close(self) -> None:
+        """Release the renderer; may be called twice."""
+        self._close_renderer()
+
+    def _close_renderer(self) -> None:
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
+
+    def _enter(self, layout: Layout) -> None:
+        """Give the world the base and the boxes of `layout`; another number of fixtures needs another model."""
+        if len(layout.fixtures) != len(self._world.fixtures):
+            self._close_renderer()
+            self._world = World(self.spec.timestep, len(layout.fixtures))
+        self._world.furnish(layout.base_pose, layout.fixtures, layout.target, layout.target_mass)
+        self._layout = layout
+        self._base_pose = np.array(layout.base_pose, dtype=np.float64)
+
+    def _run(self, twist: Array, substeps: int) -> None:
+        """Run the controller, keep the forces of the last substep, then bring poses and contacts up to date."""
+        w = self._world
+        control.control_step(
+            w.model._address, w.data._address, substeps, twist, self.spec.timestep, w.robot, self._law, w.goal, w.views
+        )
+        contact = w.data.contact
+        reading.pad_forces(
+            contact.geom, contact.efc_address, contact.frame, w.data.efc_force, w.views.matrix, w.classes,
+            self._pad_forces,
+        )  # fmt: skip
+        mujoco.mj_step1(w.model, w.data)

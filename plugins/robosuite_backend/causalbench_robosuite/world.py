@@ -1,0 +1,148 @@
+"""A compiled model with its data, and the edits that put another layout into it without a new compilation."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from causalbench.core import rotations
+from causalbench.core.layout import Box
+from causalbench_robosuite import control
+from causalbench_robosuite import model as panda
+from causalbench_robosuite.reading import geom_classes
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+
+class World:
+    """Model, data, the addresses in them and views of them that stay valid while the world lives."""
+
+    def __init__(self, timestep: float, n_fixtures: int) -> None:
+        self.model = model = panda.build(timestep, n_fixtures)
+        self.data = data = mujoco.MjData(model)
+        self.classes = geom_classes(model)
+        self.chain = panda.arm_chain(model)
+        self.robot = robot_addresses(model)
+        self.views = views(model, data)
+        self.free = int(model.joint(panda.OBJECT).qposadr[0])
+        self.fixtures = [self._box(f"fixture{i}") for i in range(n_fixtures)]
+        self.target = self._box(panda.OBJECT)
+        self.gap = self._closed_gap()
+        self.goal = control.Goal(np.zeros(3), np.eye(3), np.zeros(7), np.zeros(1))
+        self._root = model.body(panda.ROOT).id
+        self._state = np.empty(mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_INTEGRATION))
+        self._sizes: bytes = b""
+
+    def _closed_gap(self) -> float:
+        """Distance in metres between the inner faces of the finger pads at joint positions 0."""
+        inner = []
+        for name in panda.PADS:
+            geom = self.model.geom(name)
+            tip = self.model.body(int(geom.bodyid[0]))
+            inner.append(abs(float(tip.pos[1] + geom.pos[1])) - float(geom.size[1]))
+        return sum(inner)
+
+    def furnish(self, base_pose: Array, fixtures: tuple[Box, ...], target: Box, mass: float) -> None:
+        """Place the base and the fixtures, give all boxes their sizes and the object its mass.
+
+        There must be as many fixtures as the world was built with.
+        """
+        model = self.model
+        sizes = np.append(target.half_extents, mass).tobytes()
+        if sizes != self._sizes:
+            body, geom = self.target
+            self._resize(body, geom, target.half_extents)
+            x, y, z = target.half_extents**2
+            # The compiler orders principal axes by size; here they stay those of the box, whatever its sides.
+            model.body_iquat[body] = [1.0, 0.0, 0.0, 0.0]
+            model.body_inertia[body] = mass / 3 * np.array([y + z, x + z, x + y])
+            model.body_mass[body] = mass
+            self._place_base(np.zeros(3))  # so that what is derived does not depend on where the base was before
+            mujoco.mj_setConst(model, self.data)  # what the solver derives from masses
+            self._sizes = sizes
+        self._place_base(base_pose)
+        for (body, geom), box in zip(self.fixtures, fixtures, strict=True):
+            model.body_pos[body], model.body_quat[body] = box.position, box.quaternion
+            self._resize(body, geom, box.half_extents)
+
+    def _place_base(self, base_pose: Array) -> None:
+        """Stand the mount at (x m, y m, yaw rad)."""
+        self.model.body_pos[self._root, :2] = base_pose[:2]
+        self.model.body_quat[self._root] = rotations.from_axis_angle(2, base_pose[2])
+
+    def _box(self, name: str) -> tuple[int, int]:
+        """Indices of the body and of the geom `name`."""
+        return self.model.body(name).id, self.model.geom(name).id
+
+    def _resize(self, body: int, geom: int, half_extents: Array) -> None:
+        """A box geom's size and the bounding volumes that the compiler derived from it."""
+        model = self.model
+        model.geom_size[geom] = half_extents
+        model.geom_rbound[geom] = np.sqrt((half_extents**2).sum())
+        model.geom_aabb[geom] = model.bvh_aabb[model.body_bvhadr[body]] = [0.0, 0.0, 0.0, *half_extents]
+
+    def hold_still(self) -> None:
+        """Make the reference the hand's pose, the posture the arm's and the fingers' target where they are."""
+        goal, state = self.goal, self.views
+        goal.position[:] = state.position
+        goal.rotation[:] = state.matrix.reshape(3, 3)
+        goal.posture[:] = state.qpos[self.robot.joints]
+        goal.finger[:] = state.qpos[self.robot.fingers[0]]
+
+    def save(self) -> Array:
+        """The whole state (n,): the controller's memory and MuJoCo's integration state."""
+        mujoco.mj_getState(self.model, self.data, self._state, mujoco.mjtState.mjSTATE_INTEGRATION)
+        return np.concatenate([*(part.ravel() for part in self.goal), self._state])
+
+    def load(self, state: Array) -> None:
+        """Return to a state (n,) of `save` and refresh what derives from it, as after a control step."""
+        start = 0
+        for part in self.goal:
+            part.flat[:] = state[start : start + part.size]
+            start += part.size
+        mujoco.mj_setState(self.model, self.data, state[start:], mujoco.mjtState.mjSTATE_INTEGRATION)
+        mujoco.mj_step1(self.model, self.data)
+
+
+def robot_addresses(model: mujoco.MjModel) -> control.Robot:
+    """Where the robot is in a model with the stripped Panda."""
+
+    def joints(names: tuple[str, ...]) -> Indices:
+        return np.array([int(model.joint(name).qposadr[0]) for name in names])
+
+    def actuators(names: tuple[str, ...]) -> Indices:
+        return np.array([model.actuator(name).id for name in names])
+
+    finger, servo = int(model.joint(panda.FINGER_JOINTS[0]).dofadr[0]), model.actuator(panda.FINGER_SERVOS[0]).id
+    return control.Robot(
+        joints=joints(panda.ARM_JOINTS),
+        dofs=np.array([int(model.joint(name).dofadr[0]) for name in panda.ARM_JOINTS]),
+        motors=actuators(panda.ARM_MOTORS),
+        fingers=joints(panda.FINGER_JOINTS),
+        servos=actuators(panda.FINGER_SERVOS),
+        site=model.site(panda.EEF_SITE).id,
+        inertia_address=model.dof_Madr.astype(np.int64),
+        parent=model.dof_parentid.astype(np.int64),
+        ctrl_range=model.actuator_ctrlrange.copy(),
+        finger_damping=float(model.dof_damping[finger]),
+        finger_friction=float(model.dof_frictionloss[finger]),
+        finger_kp=float(model.actuator_gainprm[servo, 0]),
+        finger_range=np.array(panda.FINGER_RANGE),
+    )
+
+
+def views(model: mujoco.MjModel, data: mujoco.MjData) -> control.State:
+    """The arrays of `data` that the control step reads and writes."""
+    hand = model.site(panda.EEF_SITE).id
+    return control.State(
+        qpos=data.qpos,
+        qvel=data.qvel,
+        ctrl=data.ctrl,
+        bias=data.qfrc_bias,
+        inertia=data.qM,
+        position=data.site_xpos[hand],
+        matrix=data.site_xmat[hand],
+        jacobian=np.zeros((2, 3, model.nv)),
+    )
