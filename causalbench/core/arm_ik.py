@@ -49,7 +49,7 @@ class Chain(NamedTuple):
 
 
 @nb.njit(cache=True)
-def _rotation(axis: Array, angle: float, out: Array) -> None:
+def axis_rotation(axis: Array, angle: float, out: Array) -> None:
     """`out` (3, 3) = the rotation by `angle` about the unit vector `axis` (Rodrigues)."""
     c, s = np.cos(angle), np.sin(angle)
     x, y, z = axis[0], axis[1], axis[2]
@@ -60,7 +60,7 @@ def _rotation(axis: Array, angle: float, out: Array) -> None:
 
 
 @nb.njit(cache=True)
-def _matmul(a: Array, b: Array, out: Array) -> None:
+def matmul(a: Array, b: Array, out: Array) -> None:
     """`out` = a b for 3 x 3 matrices; `out` may be neither of them."""
     for i in range(3):
         for j in range(3):
@@ -68,10 +68,10 @@ def _matmul(a: Array, b: Array, out: Array) -> None:
 
 
 @nb.njit(cache=True)
-def _rotation_error(target: Array, actual: Array, out: Array) -> None:
+def rotation_error(target: Array, actual: Array, out: Array) -> None:
     """`out` (3,) = rotation vector that turns the matrix `actual` into `target`, in the chain's frame."""
     r = np.empty((3, 3))
-    _matmul(target, actual.T, r)
+    matmul(target, actual.T, r)
     out[0], out[1], out[2] = r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]
     sine2 = np.sqrt(out[0] * out[0] + out[1] * out[1] + out[2] * out[2])
     cosine2 = r[0, 0] + r[1, 1] + r[2, 2] - 1.0
@@ -106,12 +106,12 @@ def forward(chain: Chain, q: Array, position: Array, rotation: Array, jacobian: 
                 + rotation[r, 1] * chain.axes[i, 1]
                 + rotation[r, 2] * chain.axes[i, 2]
             )
-        _rotation(chain.axes[i], q[i], turn)
-        _matmul(rotation, turn, work)
+        axis_rotation(chain.axes[i], q[i], turn)
+        matmul(rotation, turn, work)
         for r in range(3):
             offset = chain.offsets[i + 1]
             position[r] += work[r, 0] * offset[0] + work[r, 1] * offset[1] + work[r, 2] * offset[2]
-        _matmul(work, chain.rotations[i + 1], rotation)
+        matmul(work, chain.rotations[i + 1], rotation)
     for i in range(n):
         x, y, z = position[0] - at[i, 0], position[1] - at[i, 1], position[2] - at[i, 2]
         jacobian[0, i] = axes[i, 1] * z - axes[i, 2] * y
@@ -177,8 +177,8 @@ def _displace(
     """The goal (3,), (3, 3) = the pose (3,), (3, 3) moved by `share` of `delta` (6,), see `follow`."""
     turn = np.empty((3, 3))
     angle = np.sqrt(delta[3] * delta[3] + delta[4] * delta[4] + delta[5] * delta[5])
-    _rotation(delta[3:] / max(angle, 1e-12), angle * share, turn)
-    _matmul(rotation, turn, goal_rotation)
+    axis_rotation(delta[3:] / max(angle, 1e-12), angle * share, turn)
+    matmul(rotation, turn, goal_rotation)
     goal_position[:] = position + delta[:3] * share
 
 
@@ -206,7 +206,7 @@ def follow(chain: Chain, target: Array, measured: Array, delta: Array, dt: float
                     twist[3 + i] = rotation[i, 0] * delta[3] + rotation[i, 1] * delta[4] + rotation[i, 2] * delta[5]
             else:
                 twist[:3] = goal_position - position
-                _rotation_error(goal_rotation, rotation, twist[3:])
+                rotation_error(goal_rotation, rotation, twist[3:])
             twist[3:] *= ROTATION_WEIGHT
             jacobian[3:] *= ROTATION_WEIGHT
             _limited_least_squares(jacobian, target, chain.limits, twist, DAMPING, free, dq)
@@ -233,7 +233,7 @@ def _solve(chain: Chain, goal_position: Array, goal_rotation: Array, q: Array) -
     for _ in range(SOLVE_ITERATIONS):
         forward(chain, q, position, rotation, jacobian)
         twist[:3] = goal_position - position
-        _rotation_error(goal_rotation, rotation, twist[3:])
+        rotation_error(goal_rotation, rotation, twist[3:])
         error = np.sqrt((twist * twist).sum())
         if error < 0.1 * SOLVE_ERROR:
             break

@@ -6,6 +6,8 @@ processes.
 
 from __future__ import annotations
 
+import zlib
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,6 +16,8 @@ import mujoco
 import numba as nb
 import numpy as np
 from numpy.typing import NDArray
+
+from causalbench.core import arm_ik
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -28,6 +32,7 @@ class Robot(NamedTuple):
     dofs: Indices  # (7,) in qvel
     motors: Indices  # (7,) in ctrl
     fingers: Indices  # (2,) in qpos
+    finger_dofs: Indices  # (2,) in qvel
     servos: Indices  # (2,) in ctrl
     site: int  # the end effector
     inertia_address: Indices  # (nv,) of each row in the sparse inertia
@@ -57,18 +62,26 @@ class Law(NamedTuple):
 
     kp: Array
     kd: Array
+    uncoupled: bool
     lead: float  # m
     turn_lead: float  # rad
     grip_lead: float  # m of a finger
 
 
-class Goal(NamedTuple):
-    """The controller's memory."""
+class Reference(NamedTuple):
+    """The controller's memory, `joints` and `finger`, and the pose that follows from it, world frame."""
 
-    position: Array  # (3,) m, reference of the end effector, world frame
-    rotation: Array  # (3, 3)
-    posture: Array  # (7,) rad, for the null space
+    joints: Array  # (7,) rad: their pose is what the hand follows, they themselves are the null space's posture
     finger: Array  # (1,) m, target of each finger
+    position: Array  # (3,) m
+    rotation: Array  # (3, 3)
+
+
+class Base(NamedTuple):
+    """The robot base frame in the world."""
+
+    position: Array  # (3,) m
+    rotation: Array  # (3, 3)
 
 
 def _library() -> str:
@@ -112,82 +125,94 @@ def _solve(a: Array, n: int, b: Array, k: int, x: Array) -> None:
 
 
 @nb.njit(cache=True)
-def _turn(x: float, y: float, z: float, out: Array) -> None:
-    """`out` (3, 3) = the rotation by the rotation vector (x, y, z) rad (Rodrigues)."""
-    angle = np.sqrt(x * x + y * y + z * z)
-    scale = 1.0 / max(angle, 1e-12)
-    x, y, z = x * scale, y * scale, z * scale
-    c, s = np.cos(angle), np.sin(angle)
-    k = 1.0 - c
-    out[0, 0], out[0, 1], out[0, 2] = c + x * x * k, x * y * k - z * s, x * z * k + y * s
-    out[1, 0], out[1, 1], out[1, 2] = y * x * k + z * s, c + y * y * k, y * z * k - x * s
-    out[2, 0], out[2, 1], out[2, 2] = z * x * k - y * s, z * y * k + x * s, c + z * z * k
+def _place(chain: arm_ik.Chain, base: Base, reference: Reference, jacobian: Array) -> None:
+    """The reference's pose from its joints; `jacobian` (6, 7) is filled on the way."""
+    position, rotation = np.empty(3), np.empty((3, 3))
+    arm_ik.forward(chain, reference.joints, position, rotation, jacobian)
+    arm_ik.matmul(base.rotation, rotation, reference.rotation)
+    reference.position[:] = base.position + base.rotation @ position
 
 
 @nb.njit(cache=True)
-def _product(a: Array, b: Array, out: Array) -> None:
-    """`out` = a b for 3 x 3 matrices; `out` may be neither of them."""
-    for i in range(3):
-        for j in range(3):
-            out[i, j] = a[i, 0] * b[0, j] + a[i, 1] * b[1, j] + a[i, 2] * b[2, j]
+def _bound(error: Array, lead: float, delta: Array) -> None:
+    """Take out of `delta` (3,) what would lead the reference further away than `lead` along `error` (3,), in place."""
+    size = np.sqrt((error * error).sum())
+    if size > lead:
+        outward = (delta * error).sum() / size
+        if outward > 0.0:
+            delta -= error * (outward / size)
 
 
 @nb.njit(cache=True)
-def _advance(goal: Goal, state: State, law: Law, twist: Array, dt: float, work: Array) -> None:
-    """Move the hand's reference by `twist` (6,) for `dt` seconds, and keep it within its lead of the hand.
+def _advance(
+    chain: arm_ik.Chain, base: Base, reference: Reference, state: State, law: Law, delta: Array, dt: float, speed: Array
+) -> None:
+    """Plan the reference's way of the next `dt` seconds, `speed` (13,), and put its pose and joints at the start of it.
 
-    `twist`: m/s along the world's axes and rad/s about the reference's own axes.
+    `delta` (6,): metres along the base axes and radians about the hand's own axes; `speed`: m/s and rad/s along the
+    world's axes, then rad/s of the joints. A reference that is ahead of the hand by its lead goes no further away.
     """
-    turn, old = work[0, :3, :3], work[1, :3, :3]
-    if twist[3] != 0.0 or twist[4] != 0.0 or twist[5] != 0.0:
-        _turn(twist[3] * dt, twist[4] * dt, twist[5] * dt, turn)
-        old[:] = goal.rotation
-        _product(old, turn, goal.rotation)
-    square = 0.0
-    for i in range(3):
-        goal.position[i] += twist[i] * dt
-        square += (goal.position[i] - state.position[i]) ** 2
-    if square > law.lead * law.lead:
-        share = law.lead / np.sqrt(square)
-        for i in range(3):
-            goal.position[i] = state.position[i] + (goal.position[i] - state.position[i]) * share
-    # The rotation from the hand to the reference in the hand's frame.
-    hand = state.matrix.reshape(3, 3)
-    _product(hand.T, goal.rotation, turn)
-    cosine = (turn[0, 0] + turn[1, 1] + turn[2, 2] - 1.0) / 2
-    x, y, z = (turn[2, 1] - turn[1, 2]) / 2, (turn[0, 2] - turn[2, 0]) / 2, (turn[1, 0] - turn[0, 1]) / 2
-    sine = np.sqrt(x * x + y * y + z * z)
-    if np.arctan2(sine, cosine) > law.turn_lead:
-        scale = law.turn_lead / max(sine, 1e-12)
-        _turn(x * scale, y * scale, z * scale, turn)
-        _product(hand, turn, goal.rotation)
+    jacobian, error, hand = np.empty((6, 7)), np.empty(3), state.matrix.reshape(3, 3)
+    _place(chain, base, reference, jacobian)
+    speed[:] = 0.0
+    if not delta.any():
+        return
+    delta = delta.copy()
+    _bound(base.rotation.T @ (reference.position - state.position), law.lead, delta[:3])
+    arm_ik.rotation_error(reference.rotation, hand, error)
+    _bound(reference.rotation.T @ error, law.turn_lead, delta[3:])
+    position, rotation = reference.position.copy(), reference.rotation.copy()
+    joints = reference.joints.copy()
+    arm_ik.follow(chain, reference.joints, joints, delta, dt)
+    _place(chain, base, reference, jacobian)
+    arm_ik.rotation_error(reference.rotation, rotation, error)
+    speed[:3], speed[3:6], speed[6:] = reference.position - position, error, reference.joints - joints
+    speed /= dt
+    reference.position[:], reference.rotation[:], reference.joints[:] = position, rotation, joints
 
 
 @nb.njit(cache=True)
-def _grip(goal: Goal, robot: Robot, state: State, law: Law, closing: float, dt: float) -> None:
-    """Bring the fingers together by `closing` m/s; the servos' targets lead by what joint damping and friction take.
+def _glide(reference: Reference, speed: Array, dt: float, turn: Array, old: Array) -> None:
+    """Let the reference move with `speed` (13,) for `dt` seconds; `turn` and `old` (3, 3) are work space."""
+    reference.position[:] += speed[:3] * dt
+    reference.joints[:] += speed[6:] * dt
+    rate = np.sqrt(speed[3] * speed[3] + speed[4] * speed[4] + speed[5] * speed[5])
+    if rate > 0.0:
+        arm_ik.axis_rotation(speed[3:6] / rate, rate * dt, turn)
+        old[:] = reference.rotation
+        arm_ik.matmul(turn, old, reference.rotation)
+
+
+@nb.njit(cache=True)
+def _grip(reference: Reference, robot: Robot, state: State, law: Law, closing: float, dt: float) -> None:
+    """Bring the fingers together by `closing` m/s; the command leads the target by what damping and friction take.
 
     Both fingers have one target, so that the grip stays centred; neither target nor command ever leads the fingers by
-    more than `law.grip_lead`: the grip is firm and winds nothing up. With `closing` 0 the command stays.
+    more than `law.grip_lead`: the grip is firm and winds nothing up. When `closing` becomes 0, free fingers stop at
+    their target, and those that something holds back keep the command and thus their force.
     """
-    low, high = robot.finger_range
-    ahead = 0.0
+    (first, second), (low, high), command = robot.fingers, robot.finger_range, state.ctrl[robot.servos[0]]
     if closing != 0.0:
-        finger = (state.qpos[robot.fingers[0]] - state.qpos[robot.fingers[1]]) / 2
-        speed = -closing / 2
-        ahead = (robot.finger_damping * speed + robot.finger_friction * np.sign(speed)) / robot.finger_kp
+        finger, speed = (state.qpos[first] - state.qpos[second]) / 2, -closing / 2
         low, high = max(low, finger - law.grip_lead), min(high, finger + law.grip_lead)
-        goal.finger[0] = min(max(goal.finger[0] + speed * dt, low), high)
-    command = min(max(goal.finger[0] + ahead, low), high)
+        reference.finger[0] = min(max(reference.finger[0] + speed * dt, low), high)
+        ahead = (robot.finger_damping * speed + robot.finger_friction * np.sign(speed)) / robot.finger_kp
+        command = min(max(reference.finger[0] + ahead, low), high)
+    elif command != reference.finger[0]:
+        force = abs(command - reference.finger[0]) * robot.finger_kp - robot.finger_friction
+        speed = abs(state.qvel[robot.finger_dofs[0]] - state.qvel[robot.finger_dofs[1]]) / 2
+        if speed < 0.5 * force / robot.finger_damping:  # half of what free fingers would do
+            reference.finger[0] = command
+        command = reference.finger[0]
     state.ctrl[robot.servos[0]], state.ctrl[robot.servos[1]] = command, -command
 
 
 @nb.njit(cache=True)
-def _arm(goal: Goal, robot: Robot, state: State, law: Law, twist: Array, work: Array) -> None:
-    """The motors' torques: robosuite's operational space control with fixed gains, position and rotation uncoupled.
+def _arm(reference: Reference, robot: Robot, state: State, law: Law, speed: Array, work: Array) -> None:
+    """The motors' torques: robosuite's operational space control with fixed gains.
 
-    Torque = J^T F + bias + null space; F = Lambda (kp error - kd (velocity - the reference's velocity)). The last
-    term is ours; for a reference at rest the law is robosuite's. `twist` as in `_advance`.
+    Torque = J^T F + bias + null space; F = Lambda (kp error - kd (velocity - the reference's velocity)), and likewise
+    in the null space. That velocity, `speed` (13,), is ours; for a reference at rest the law is robosuite's.
     """
     n, nv = len(robot.dofs), len(state.qvel)
     m, factor, jt, mjt, small, inverse = work[0], work[1], work[2], work[3], work[4], work[5]
@@ -203,18 +228,16 @@ def _arm(goal: Goal, robot: Robot, state: State, law: Law, twist: Array, work: A
         for r in range(3):
             jt[a, r] = state.jacobian[0, r, robot.dofs[a]]
             jt[a, 3 + r] = state.jacobian[1, r, robot.dofs[a]]
-    hand, reference = state.matrix, goal.rotation
+    hand, goal = state.matrix, reference.rotation
     for r in range(3):
-        error, spin = 0.0, 0.0
+        error, linear, angular = 0.0, -speed[r], -speed[3 + r]
         i, k = (r + 1) % 3, (r + 2) % 3
         for c in range(3):  # half the sum of the cross products of the axes
-            error += 0.5 * (hand[3 * i + c] * reference[k, c] - hand[3 * k + c] * reference[i, c])
-            spin += reference[r, c] * twist[3 + c]
-        linear, angular = -twist[r], -spin
+            error += 0.5 * (hand[3 * i + c] * goal[k, c] - hand[3 * k + c] * goal[i, c])
         for v in range(nv):
             linear += state.jacobian[0, r, v] * state.qvel[v]
             angular += state.jacobian[1, r, v] * state.qvel[v]
-        force[r] = law.kp[r] * (goal.position[r] - state.position[r]) - law.kd[r] * linear
+        force[r] = law.kp[r] * (reference.position[r] - state.position[r]) - law.kd[r] * linear
         force[3 + r] = law.kp[3 + r] * error - law.kd[3 + r] * angular
     factor[:n, :n] = m[:n, :n]
     _solve(factor, n, jt, 6, mjt)
@@ -224,12 +247,16 @@ def _arm(goal: Goal, robot: Robot, state: State, law: Law, twist: Array, work: A
             for a in range(n):
                 s += jt[a, r] * mjt[a, c]
             inverse[r, c] = s  # of Lambda
-    for half in (0, 3):  # uncoupled: each half has its own Lambda
-        small[:3, :3] = inverse[half : half + 3, half : half + 3]
-        _solve(small, 3, force[half : half + 3].reshape(3, 1), 1, wrench[half : half + 3].reshape(3, 1))
+    if law.uncoupled:  # each half has its own Lambda
+        for half in (0, 3):
+            small[:3, :3] = inverse[half : half + 3, half : half + 3]
+            _solve(small, 3, force[half : half + 3].reshape(3, 1), 1, wrench[half : half + 3].reshape(3, 1))
+    else:
+        small[:6, :6] = inverse[:6, :6]
+        _solve(small, 6, force[:6].reshape(6, 1), 1, wrench[:6].reshape(6, 1))
     for a in range(n):
         q, v = state.qpos[robot.joints[a]], state.qvel[robot.dofs[a]]
-        p[a] = NULL_KP * (goal.posture[a] - q) - NULL_KD * v
+        p[a] = NULL_KP * (reference.joints[a] - q) - NULL_KD * (v - speed[6 + a])
     for r in range(6):
         force[r] = 0.0
         for a in range(n):
@@ -246,31 +273,50 @@ def _arm(goal: Goal, robot: Robot, state: State, law: Law, twist: Array, work: A
         state.ctrl[motor] = min(max(torque, robot.ctrl_range[motor, 0]), robot.ctrl_range[motor, 1])
 
 
-@nb.njit(cache=True, nogil=True)
-def control_step(
-    model: int,
-    data: int,
-    substeps: int,
-    twist: Array,
-    dt: float,
-    robot: Robot,
-    law: Law,
-    goal: Goal,
-    state: State,
-) -> None:
-    """Advance by `substeps` timesteps of `dt` seconds; `goal` moves on in each.
+def _compile(stamp: int) -> Callable[..., int]:
+    """The kernel. Numba's disk cache knows the code of this file and the values of the closure, not `arm_ik`.
 
-    `model` and `data` are addresses. `twist` (7,): m/s along the world's axes, rad/s about the hand's axes, m/s of
-    closing. Enters after `mj_step1`; leaves as `mj_step` does, with the contact forces of the last substep.
+    So the closure holds a stamp of that file: another version of it is compiled anew.
     """
-    work = np.empty((7, 8, 8))
-    linear = state.jacobian.ctypes.data
-    angular = linear + state.jacobian[0].nbytes
-    for substep in range(substeps):
-        if substep:
-            _mj_step1(model, data)
-        _advance(goal, state, law, twist, dt, work)
-        _mj_jac_site(model, data, linear, angular, robot.site)
-        _arm(goal, robot, state, law, twist, work)
-        _grip(goal, robot, state, law, twist[6], dt)
-        _mj_step2(model, data)
+
+    @nb.njit(cache=True, nogil=True)
+    def control_step(
+        model: int,
+        data: int,
+        parts: int,
+        substeps: int,
+        delta: Array,
+        dt: float,
+        chain: arm_ik.Chain,
+        base: Base,
+        robot: Robot,
+        law: Law,
+        reference: Reference,
+        state: State,
+    ) -> int:
+        """Advance by `parts` times `substeps` timesteps of `dt` seconds; in each part the reference moves by `delta`.
+
+        `model` and `data` are addresses. `delta` (7,): metres along the base axes, radians about the hand's axes,
+        metres of closing. Enters after `mj_step1`; leaves as `mj_step` does, with the contact forces of the last
+        substep.
+        """
+        work, speed = np.empty((7, 8, 8)), np.empty(13)
+        linear = state.jacobian.ctypes.data
+        angular = linear + state.jacobian[0].nbytes
+        closing = delta[6] / (substeps * dt)
+        for part in range(parts):
+            _advance(chain, base, reference, state, law, delta[:6], substeps * dt, speed)
+            for substep in range(substeps):
+                if part or substep:
+                    _mj_step1(model, data)
+                _glide(reference, speed, dt, work[0, :3, :3], work[1, :3, :3])
+                _mj_jac_site(model, data, linear, angular, robot.site)
+                _arm(reference, robot, state, law, speed, work)
+                _grip(reference, robot, state, law, closing, dt)
+                _mj_step2(model, data)
+        return stamp
+
+    return control_step
+
+
+control_step = _compile(zlib.crc32(Path(arm_ik.__file__).read_bytes()))

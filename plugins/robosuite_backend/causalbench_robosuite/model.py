@@ -34,6 +34,9 @@ FINGER_STROKE = 0.04  # m by which each finger opens
 FINGER_RANGE = (-0.015, 0.042)  # m of servo target: presses closed fingers and thin objects, and opens against friction
 
 
+LIMIT_MARGIN = 0.05  # rad by which the hand's reference keeps every joint off its stops, which the law does not know
+
+
 class Gains(NamedTuple):
     """robosuite's OSC_POSE: kp (6,) in 1/s2 and kd (6,) in 1/s, three for translation and three for rotation."""
 
@@ -91,6 +94,8 @@ def build(timestep: float, n_fixtures: int) -> mujoco.MjModel:
     """The robot, a floor, one free box and `n_fixtures` static boxes `fixture0`..., all of placeholder sizes."""
     spec = mujoco.MjSpec.from_string(stock_xml())
     spec.option.timestep = timestep
+    # The declared inertias of hand and fingers are those of boxes a metre wide: their drag in air would be 4 N m.
+    spec.option.density = spec.option.viscosity = 0.0
     _furnish(spec, n_fixtures)
     strip(spec)
     for name, sign in zip(FINGER_SERVOS, (1.0, -1.0), strict=True):
@@ -164,7 +169,7 @@ def arm_chain(model: mujoco.MjModel) -> Chain:
         if body.jntnum[0]:
             joint = model.joint(int(body.jntadr[0]))
             axes.insert(0, joint.axis.copy())
-            limits.insert(0, joint.range.copy())
+            limits.insert(0, joint.range + np.array([LIMIT_MARGIN, -LIMIT_MARGIN]))
             rotations.insert(0, np.eye(3))
             offsets.insert(0, np.zeros(3))
         turn = _matrix(body.quat)

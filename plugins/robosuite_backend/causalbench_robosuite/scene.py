@@ -21,19 +21,20 @@ Array = NDArray[np.float64]
 
 ACTIONS = ("armx", "army", "armz", "armrx", "armry", "armrz", "grip")
 WORKSPACE = Workspace(
-    table_height=0.85,
-    object_low=(0.50, -0.15),
-    object_high=(0.60, 0.15),
-    hand_low=(0.48, -0.20, 1.00),
-    hand_high=(0.68, 0.20, 1.25),
+    table_height=1.20,
+    object_low=(0.46, -0.15),
+    object_high=(0.54, 0.15),
+    hand_low=(0.45, -0.20, 1.38),
+    hand_high=(0.62, 0.20, 1.56),
 )
 """Result of `python -m causalbench_robosuite.reach_scan`; see the README."""
 
+UNCOUPLED = False  # robosuite's option `uncouple_pos_ori`: on, a hand that starts to sink tilts by 0.1 rad
 LEAD, TURN_LEAD = 0.025, 0.1  # m, rad by which the hand's reference may run ahead: twice what a reversal needs
 GRIP_LEAD = 0.015  # m by which a finger's target may run ahead of the finger: 15 N of grip
 ARM_STARTS = tuple(
     np.array([pan, shoulder, 0.0, elbow, 0.0, wrist, np.pi / 4 + pan])
-    for shoulder, elbow, wrist in ((0.3, -2.2, 2.7), (0.5, -2.0, 3.0), (0.8, -1.5, 3.0), (0.1, -2.4, 3.2))
+    for shoulder, elbow, wrist in ((0.0, -2.0, 2.5), (0.4, -1.6, 2.2), (-0.4, -2.4, 2.5))
     for pan in (0.0, -0.4, 0.4)
 )
 """Joint angles (rad) from which a reset looks for its pose, elbow up, in this order."""
@@ -61,8 +62,10 @@ class RobosuiteScene(Scene):
             capabilities=frozenset({"exact_restore", "physics", "rgb"}),
         )
         self._codec = SnapshotCodec(self.spec)
-        self._law = control.Law(*gains(), LEAD, TURN_LEAD, GRIP_LEAD)
-        self._speed = np.array(self.spec.action_speed)
+        self._law = control.Law(*gains(), UNCOUPLED, LEAD, TURN_LEAD, GRIP_LEAD)
+        self._parts = stepping.target_parts(self.substeps, timestep)
+        self._part = self.substeps // self._parts  # substeps
+        self._stride = np.array(self.spec.action_speed) * self._part * timestep
         self._layout: Layout | None = None
         self._base_pose = np.zeros(3)
         self._pad_forces = np.zeros(2)
@@ -84,19 +87,16 @@ class RobosuiteScene(Scene):
         qpos[world.robot.fingers] = finger, -finger
         qpos[world.free : world.free + 3] = layout.target.position
         qpos[world.free + 3 : world.free + 7] = layout.target.quaternion
+        world.views.ctrl[world.robot.servos] = finger, -finger
+        world.reference.joints[:], world.reference.finger[:] = joints, finger
         mujoco.mj_step1(world.model, world.data)
-        world.hold_still()
-        self._run(np.zeros(len(ACTIONS)), max(1, round(stepping.SETTLE / self.spec.timestep)))
+        self._run(np.zeros(len(ACTIONS)), 1, max(1, round(stepping.SETTLE / self.spec.timestep)))
         world.data.time = 0.0
         stepping.check_settled(self.facts(), layout)
 
     def step(self, action: Array) -> None:
         """Advance by one `spec.control_dt`; `action` (7,) in [-1, 1]. Raises `InvalidActionError`."""
-        twist = check_action(action, (len(ACTIONS),)) * self._speed
-        x, y, yaw = twist[0], twist[1], self._base_pose[2]
-        cos, sin = np.cos(yaw), np.sin(yaw)
-        twist[0], twist[1] = cos * x - sin * y, sin * x + cos * y
-        self._run(twist, self.substeps)
+        self._run(check_action(action, (len(ACTIONS),)) * self._stride, self._parts, self._part)
 
     def facts(self) -> Facts:
         """What holds now. `holding` goes by the pad forces of the last substep, all else by the state after it."""
@@ -173,12 +173,13 @@ class RobosuiteScene(Scene):
         self._layout = layout
         self._base_pose = np.array(layout.base_pose, dtype=np.float64)
 
-    def _run(self, twist: Array, substeps: int) -> None:
+    def _run(self, delta: Array, parts: int, substeps: int) -> None:
         """Run the controller, keep the forces of the last substep, then bring poses and contacts up to date."""
         w = self._world
         control.control_step(
-            w.model._address, w.data._address, substeps, twist, self.spec.timestep, w.robot, self._law, w.goal, w.views
-        )
+            w.model._address, w.data._address, parts, substeps, delta, self.spec.timestep,
+            w.chain, w.base, w.robot, self._law, w.reference, w.views,
+        )  # fmt: skip
         contact = w.data.contact
         reading.pad_forces(
             contact.geom, contact.efc_address, contact.frame, w.data.efc_force, w.views.matrix, w.classes,

@@ -30,7 +30,8 @@ class World:
         self.fixtures = [self._box(f"fixture{i}") for i in range(n_fixtures)]
         self.target = self._box(panda.OBJECT)
         self.gap = self._closed_gap()
-        self.goal = control.Goal(np.zeros(3), np.eye(3), np.zeros(7), np.zeros(1))
+        self.reference = control.Reference(np.zeros(7), np.zeros(1), np.zeros(3), np.eye(3))
+        self.base = control.Base(np.zeros(3), np.eye(3))
         self._root = model.body(panda.ROOT).id
         self._state = np.empty(mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_INTEGRATION))
         self._sizes: bytes = b""
@@ -69,8 +70,10 @@ class World:
 
     def _place_base(self, base_pose: Array) -> None:
         """Stand the mount at (x m, y m, yaw rad)."""
-        self.model.body_pos[self._root, :2] = base_pose[:2]
-        self.model.body_quat[self._root] = rotations.from_axis_angle(2, base_pose[2])
+        quaternion = rotations.from_axis_angle(2, base_pose[2])
+        self.model.body_pos[self._root, :2] = self.base.position[:2] = base_pose[:2]
+        self.model.body_quat[self._root] = quaternion
+        self.base.rotation[:] = rotations.matrix(quaternion)
 
     def _box(self, name: str) -> tuple[int, int]:
         """Indices of the body and of the geom `name`."""
@@ -83,52 +86,43 @@ class World:
         model.geom_rbound[geom] = np.sqrt((half_extents**2).sum())
         model.geom_aabb[geom] = model.bvh_aabb[model.body_bvhadr[body]] = [0.0, 0.0, 0.0, *half_extents]
 
-    def hold_still(self) -> None:
-        """Make the reference the hand's pose, the posture the arm's and the fingers' target where they are."""
-        goal, state = self.goal, self.views
-        goal.position[:] = state.position
-        goal.rotation[:] = state.matrix.reshape(3, 3)
-        goal.posture[:] = state.qpos[self.robot.joints]
-        goal.finger[:] = state.qpos[self.robot.fingers[0]]
-
     def save(self) -> Array:
         """The whole state (n,): the controller's memory and MuJoCo's integration state."""
         mujoco.mj_getState(self.model, self.data, self._state, mujoco.mjtState.mjSTATE_INTEGRATION)
-        return np.concatenate([*(part.ravel() for part in self.goal), self._state])
+        return np.concatenate([self.reference.joints, self.reference.finger, self._state])
 
     def load(self, state: Array) -> None:
         """Return to a state (n,) of `save` and refresh what derives from it, as after a control step."""
-        start = 0
-        for part in self.goal:
-            part.flat[:] = state[start : start + part.size]
-            start += part.size
-        mujoco.mj_setState(self.model, self.data, state[start:], mujoco.mjtState.mjSTATE_INTEGRATION)
+        n = len(self.reference.joints)
+        self.reference.joints[:], self.reference.finger[:] = state[:n], state[n]
+        mujoco.mj_setState(self.model, self.data, state[n + 1 :], mujoco.mjtState.mjSTATE_INTEGRATION)
         mujoco.mj_step1(self.model, self.data)
 
 
 def robot_addresses(model: mujoco.MjModel) -> control.Robot:
     """Where the robot is in a model with the stripped Panda."""
 
-    def joints(names: tuple[str, ...]) -> Indices:
-        return np.array([int(model.joint(name).qposadr[0]) for name in names])
+    def gather(field: str, names: tuple[str, ...]) -> Indices:
+        return np.array([int(getattr(model.joint(name), field)[0]) for name in names])
 
     def actuators(names: tuple[str, ...]) -> Indices:
         return np.array([model.actuator(name).id for name in names])
 
-    finger, servo = int(model.joint(panda.FINGER_JOINTS[0]).dofadr[0]), model.actuator(panda.FINGER_SERVOS[0]).id
+    finger_dofs, servos = gather("dofadr", panda.FINGER_JOINTS), actuators(panda.FINGER_SERVOS)
     return control.Robot(
-        joints=joints(panda.ARM_JOINTS),
-        dofs=np.array([int(model.joint(name).dofadr[0]) for name in panda.ARM_JOINTS]),
+        joints=gather("qposadr", panda.ARM_JOINTS),
+        dofs=gather("dofadr", panda.ARM_JOINTS),
         motors=actuators(panda.ARM_MOTORS),
-        fingers=joints(panda.FINGER_JOINTS),
-        servos=actuators(panda.FINGER_SERVOS),
+        fingers=gather("qposadr", panda.FINGER_JOINTS),
+        finger_dofs=finger_dofs,
+        servos=servos,
         site=model.site(panda.EEF_SITE).id,
         inertia_address=model.dof_Madr.astype(np.int64),
         parent=model.dof_parentid.astype(np.int64),
         ctrl_range=model.actuator_ctrlrange.copy(),
-        finger_damping=float(model.dof_damping[finger]),
-        finger_friction=float(model.dof_frictionloss[finger]),
-        finger_kp=float(model.actuator_gainprm[servo, 0]),
+        finger_damping=float(model.dof_damping[finger_dofs[0]]),
+        finger_friction=float(model.dof_frictionloss[finger_dofs[0]]),
+        finger_kp=float(model.actuator_gainprm[servos[0], 0]),
         finger_range=np.array(panda.FINGER_RANGE),
     )
 
