@@ -135,12 +135,11 @@ def _place(chain: arm_ik.Chain, base: Base, reference: Reference, jacobian: Arra
 
 @nb.njit(cache=True)
 def _bound(error: Array, lead: float, delta: Array) -> None:
-    """Take out of `delta` (3,) what would lead the reference further away than `lead` along `error` (3,), in place."""
-    size = np.sqrt((error * error).sum())
+    """Change `delta` (3,) so that the reference, ahead by `error` (3,), ends up ahead by `lead` at most, in place."""
+    ahead = error + delta
+    size = np.sqrt((ahead * ahead).sum())
     if size > lead:
-        outward = (delta * error).sum() / size
-        if outward > 0.0:
-            delta -= error * (outward / size)
+        delta[:] = ahead * (lead / size) - error
 
 
 @nb.njit(cache=True)
@@ -150,7 +149,7 @@ def _advance(
     """Plan the reference's way of the next `dt` seconds, `speed` (13,), and put its pose and joints at the start of it.
 
     `delta` (6,): metres along the base axes and radians about the hand's own axes; `speed`: m/s and rad/s along the
-    world's axes, then rad/s of the joints. A reference that is ahead of the hand by its lead goes no further away.
+    world's axes, then rad/s of the joints. The reference never runs further ahead of the hand than its lead.
     """
     jacobian, error, hand = np.empty((6, 7)), np.empty(3), state.matrix.reshape(3, 3)
     _place(chain, base, reference, jacobian)
@@ -273,6 +272,36 @@ def _arm(reference: Reference, robot: Robot, state: State, law: Law, speed: Arra
         state.ctrl[motor] = min(max(torque, robot.ctrl_range[motor, 0]), robot.ctrl_range[motor, 1])
 
 
+@nb.njit(cache=True, nogil=True)
+def track(
+    model: int,
+    data: int,
+    substeps: int,
+    dt: float,
+    robot: Robot,
+    law: Law,
+    reference: Reference,
+    speed: Array,
+    closing: float,
+    state: State,
+) -> None:
+    """Advance by `substeps` timesteps of `dt` seconds while the reference moves with `speed` (13,), see `_advance`.
+
+    `model` and `data` are addresses; `closing` is in m/s. Enters after `mj_step1`; leaves as `mj_step` does.
+    """
+    work = np.empty((7, 8, 8))
+    linear = state.jacobian.ctypes.data
+    angular = linear + state.jacobian[0].nbytes
+    for substep in range(substeps):
+        if substep:
+            _mj_step1(model, data)
+        _glide(reference, speed, dt, work[0, :3, :3], work[1, :3, :3])
+        _mj_jac_site(model, data, linear, angular, robot.site)
+        _arm(reference, robot, state, law, speed, work)
+        _grip(reference, robot, state, law, closing, dt)
+        _mj_step2(model, data)
+
+
 def _compile(stamp: int) -> Callable[..., int]:
     """The kernel. Numba's disk cache knows the code of this file and the values of the closure, not `arm_ik`.
 
@@ -300,20 +329,12 @@ def _compile(stamp: int) -> Callable[..., int]:
         metres of closing. Enters after `mj_step1`; leaves as `mj_step` does, with the contact forces of the last
         substep.
         """
-        work, speed = np.empty((7, 8, 8)), np.empty(13)
-        linear = state.jacobian.ctypes.data
-        angular = linear + state.jacobian[0].nbytes
-        closing = delta[6] / (substeps * dt)
+        speed = np.empty(13)
         for part in range(parts):
+            if part:
+                _mj_step1(model, data)
             _advance(chain, base, reference, state, law, delta[:6], substeps * dt, speed)
-            for substep in range(substeps):
-                if part or substep:
-                    _mj_step1(model, data)
-                _glide(reference, speed, dt, work[0, :3, :3], work[1, :3, :3])
-                _mj_jac_site(model, data, linear, angular, robot.site)
-                _arm(reference, robot, state, law, speed, work)
-                _grip(reference, robot, state, law, closing, dt)
-                _mj_step2(model, data)
+            track(model, data, substeps, dt, robot, law, reference, speed, delta[6] / (substeps * dt), state)
         return stamp
 
     return control_step

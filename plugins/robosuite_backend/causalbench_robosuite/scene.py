@@ -30,7 +30,7 @@ WORKSPACE = Workspace(
 """Result of `python -m causalbench_robosuite.reach_scan`; see the README."""
 
 UNCOUPLED = False  # robosuite's option `uncouple_pos_ori`: on, a hand that starts to sink tilts by 0.1 rad
-LEAD, TURN_LEAD = 0.025, 0.1  # m, rad by which the hand's reference may run ahead: twice what a reversal needs
+LEAD, TURN_LEAD = 0.015, 0.06  # m, rad by which the hand's reference may run ahead: what a reversal needs
 GRIP_LEAD = 0.015  # m by which a finger's target may run ahead of the finger: 15 N of grip
 ARM_STARTS = tuple(
     np.array([pan, shoulder, 0.0, elbow, 0.0, wrist, np.pi / 4 + pan])
@@ -130,7 +130,7 @@ class RobosuiteScene(Scene):
     def restore(self, snapshot: bytes) -> None:
         """Return to a snapshot, bit for bit. Raises `SnapshotError`."""
         layout, packed = self._codec.unpack(snapshot)
-        state = np.frombuffer(packed, "<f8")
+        state = np.frombuffer(packed, "<f8").astype(np.float64)
         self._enter(layout)
         self._world.load(state[2:])
         self._pad_forces[:] = state[:2]
