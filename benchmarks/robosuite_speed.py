@@ -1,4 +1,4 @@
-"""What `causalbench_robosuite` costs beside raw physics: python benchmarks/robosuite_speed.py (about a minute, one core).
+"""What `causalbench_robosuite` costs beside raw physics: python benchmarks/robosuite_speed.py (half a minute).
 
 Rivals take turns (A B A B ...) on the same states and actions, random actions in motion; figures are medians of
 control steps or of turns. Needs an otherwise idle core.

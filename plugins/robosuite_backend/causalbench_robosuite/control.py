@@ -9,7 +9,7 @@ from __future__ import annotations
 import zlib
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import llvmlite.binding as llvm
 import mujoco
@@ -18,70 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from causalbench.core import arm_ik
+from causalbench_robosuite.structs import Base, Law, Reference, Robot, State
 
 Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
+N_JOINTS = 7
 NULL_KP, NULL_KD = 10.0, 2 * np.sqrt(10.0)  # robosuite's pull of the null space towards the posture, 1/s2 and 1/s
-
-
-class Robot(NamedTuple):
-    """Where the robot is in MuJoCo's arrays, and its constants."""
-
-    joints: Indices  # (7,) in qpos
-    dofs: Indices  # (7,) in qvel
-    motors: Indices  # (7,) in ctrl
-    fingers: Indices  # (2,) in qpos
-    finger_dofs: Indices  # (2,) in qvel
-    servos: Indices  # (2,) in ctrl
-    site: int  # the end effector
-    inertia_address: Indices  # (nv,) of each row in the sparse inertia
-    parent: Indices  # (nv,) of each dof
-    ctrl_range: Array  # (nu, 2)
-    finger_damping: float  # N s/m of a finger's joint
-    finger_friction: float  # N
-    finger_kp: float  # N/m of a finger's servo
-    finger_range: Array  # (2,) m of the fingers' target
-
-
-class State(NamedTuple):
-    """Views of MuJoCo's arrays, which stay valid while its data live; `jacobian` is ours."""
-
-    qpos: Array
-    qvel: Array
-    ctrl: Array
-    bias: Array  # (nv,)
-    inertia: Array  # (nM,) sparse
-    position: Array  # (3,) m, end effector, world frame
-    matrix: Array  # (9,)
-    jacobian: Array  # (2, 3, nv) linear and angular
-
-
-class Law(NamedTuple):
-    """Gains (see `model.Gains`) and how far the references may run ahead of what is measured."""
-
-    kp: Array
-    kd: Array
-    uncoupled: bool
-    lead: float  # m
-    turn_lead: float  # rad
-    grip_lead: float  # m of a finger
-
-
-class Reference(NamedTuple):
-    """The controller's memory, `joints` and `finger`, and the pose that follows from it, world frame."""
-
-    joints: Array  # (7,) rad: their pose is what the hand follows, they themselves are the null space's posture
-    finger: Array  # (1,) m, target of each finger
-    position: Array  # (3,) m
-    rotation: Array  # (3, 3)
-
-
-class Base(NamedTuple):
-    """The robot base frame in the world."""
-
-    position: Array  # (3,) m
-    rotation: Array  # (3, 3)
 
 
 def _library() -> str:
@@ -102,7 +44,7 @@ _mj_jac_site: Any = nb.types.ExternalFunction(
 )
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, error_model="numpy", inline="always")
 def _solve(a: Array, n: int, b: Array, k: int, x: Array) -> None:
     """`x` (n, k) = `a`^-1 `b` for a symmetric positive definite `a` (n, n), which its Cholesky factor replaces."""
     for j in range(n):
@@ -206,14 +148,14 @@ def _grip(reference: Reference, robot: Robot, state: State, law: Law, closing: f
     state.ctrl[robot.servos[0]], state.ctrl[robot.servos[1]] = command, -command
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, error_model="numpy")
 def _arm(reference: Reference, robot: Robot, state: State, law: Law, speed: Array, work: Array) -> None:
     """The motors' torques: robosuite's operational space control with fixed gains.
 
     Torque = J^T F + bias + null space; F = Lambda (kp error - kd (velocity - the reference's velocity)), and likewise
     in the null space. That velocity, `speed` (13,), is ours; for a reference at rest the law is robosuite's.
     """
-    n, nv = len(robot.dofs), len(state.qvel)
+    n, nv = N_JOINTS, len(state.qvel)
     m, factor, jt, mjt, small, inverse = work[0], work[1], work[2], work[3], work[4], work[5]
     force, wrench, pull, p = work[6, 0], work[6, 1], work[6, 2], work[6, 3]
     for a in range(n):  # the arm's block of the sparse joint inertia

@@ -13,7 +13,7 @@ from causalbench.core.layout import Layout, Workspace
 from causalbench.core.scene import ACTION_SPEED, Facts, Scene, SceneSpec, check_action
 from causalbench.core.snapshots import SnapshotCodec
 from causalbench.errors import CausalbenchError
-from causalbench_robosuite import __version__, control, reading
+from causalbench_robosuite import __version__, control, reading, structs
 from causalbench_robosuite.model import FINGER_STROKE, gains
 from causalbench_robosuite.world import World
 
@@ -21,11 +21,11 @@ Array = NDArray[np.float64]
 
 ACTIONS = ("armx", "army", "armz", "armrx", "armry", "armrz", "grip")
 WORKSPACE = Workspace(
-    table_height=1.20,
+    table_height=1.25,
     object_low=(0.46, -0.15),
     object_high=(0.54, 0.15),
-    hand_low=(0.45, -0.20, 1.38),
-    hand_high=(0.62, 0.20, 1.56),
+    hand_low=(0.45, -0.20, 1.42),
+    hand_high=(0.62, 0.20, 1.58),
 )
 """Result of `python -m causalbench_robosuite.reach_scan`; see the README."""
 
@@ -62,7 +62,7 @@ class RobosuiteScene(Scene):
             capabilities=frozenset({"exact_restore", "physics", "rgb"}),
         )
         self._codec = SnapshotCodec(self.spec)
-        self._law = control.Law(*gains(), UNCOUPLED, LEAD, TURN_LEAD, GRIP_LEAD)
+        self._law = structs.Law(*gains(), UNCOUPLED, LEAD, TURN_LEAD, GRIP_LEAD)
         self._parts = stepping.target_parts(self.substeps, timestep)
         self._part = self.substeps // self._parts  # substeps
         self._stride = np.array(self.spec.action_speed) * self._part * timestep

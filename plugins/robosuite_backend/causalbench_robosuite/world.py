@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from causalbench.core import rotations
 from causalbench.core.layout import Box
-from causalbench_robosuite import control
 from causalbench_robosuite import model as panda
+from causalbench_robosuite import structs
 from causalbench_robosuite.reading import geom_classes
 
 Array = NDArray[np.float64]
@@ -30,8 +30,8 @@ class World:
         self.fixtures = [self._box(f"fixture{i}") for i in range(n_fixtures)]
         self.target = self._box(panda.OBJECT)
         self.gap = self._closed_gap()
-        self.reference = control.Reference(np.zeros(7), np.zeros(1), np.zeros(3), np.eye(3))
-        self.base = control.Base(np.zeros(3), np.eye(3))
+        self.reference = structs.Reference(np.zeros(7), np.zeros(1), np.zeros(3), np.eye(3))
+        self.base = structs.Base(np.zeros(3), np.eye(3))
         self._root = model.body(panda.ROOT).id
         self._state = np.empty(mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_INTEGRATION))
         self._sizes: bytes = b""
@@ -99,7 +99,7 @@ class World:
         mujoco.mj_step1(self.model, self.data)
 
 
-def robot_addresses(model: mujoco.MjModel) -> control.Robot:
+def robot_addresses(model: mujoco.MjModel) -> structs.Robot:
     """Where the robot is in a model with the stripped Panda."""
 
     def gather(field: str, names: tuple[str, ...]) -> Indices:
@@ -109,7 +109,7 @@ def robot_addresses(model: mujoco.MjModel) -> control.Robot:
         return np.array([model.actuator(name).id for name in names])
 
     finger_dofs, servos = gather("dofadr", panda.FINGER_JOINTS), actuators(panda.FINGER_SERVOS)
-    return control.Robot(
+    return structs.Robot(
         joints=gather("qposadr", panda.ARM_JOINTS),
         dofs=gather("dofadr", panda.ARM_JOINTS),
         motors=actuators(panda.ARM_MOTORS),
@@ -127,10 +127,10 @@ def robot_addresses(model: mujoco.MjModel) -> control.Robot:
     )
 
 
-def views(model: mujoco.MjModel, data: mujoco.MjData) -> control.State:
+def views(model: mujoco.MjModel, data: mujoco.MjData) -> structs.State:
     """The arrays of `data` that the control step reads and writes."""
     hand = model.site(panda.EEF_SITE).id
-    return control.State(
+    return structs.State(
         qpos=data.qpos,
         qvel=data.qvel,
         ctrl=data.ctrl,

@@ -15,7 +15,8 @@ from causalbench_robosuite import make, versions
 
 def test_importing_the_plugin_imports_no_simulator() -> None:
     script = (
-        "import sys, causalbench_robosuite; backends = []; causalbench_robosuite.causalbench_backends(backends.append)\n"
+        "import sys, causalbench_robosuite as plugin\n"
+        "backends = []; plugin.causalbench_backends(backends.append)\n"
         "assert backends[0].name == 'robosuite'\n"
         "assert not {'mujoco', 'robosuite', 'numba'} & set(sys.modules)"
     )

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from causalbench_robosuite import control, model, world
+from causalbench_robosuite import control, model, structs, world
 
 STEPS = 15  # of 0.05 s, 25 timesteps of 0.002 s each
 TOLERANCE = 1e-12  # m, rad
@@ -29,7 +29,7 @@ def stock_env(uncoupled: bool) -> Any:
     return env
 
 
-def new_goal(origin: Any, delta: np.ndarray, state: control.State) -> tuple[np.ndarray, np.ndarray]:
+def new_goal(origin: Any, delta: np.ndarray, state: structs.State) -> tuple[np.ndarray, np.ndarray]:
     """The pose that the stock controller makes its goal: `delta` from the measured one, in its base frame.
 
     The way back through robosuite's functions, which pass rotations through single precision.
@@ -56,8 +56,8 @@ def test_the_control_step_equals_stock_stepping(uncoupled: bool) -> None:
     mujoco.mj_step1(twin, data)
 
     state, addresses = world.views(twin, data), world.robot_addresses(twin)
-    law = control.Law(*model.gains(), uncoupled, np.inf, np.inf, np.inf)
-    reference = control.Reference(np.array(arm.initial_joint), np.zeros(1), np.zeros(3), np.eye(3))
+    law = structs.Law(*model.gains(), uncoupled, np.inf, np.inf, np.inf)
+    reference = structs.Reference(np.array(arm.initial_joint), np.zeros(1), np.zeros(3), np.eye(3))
     origin = np.array(arm.origin_ori)
     gripper = np.array(robot.gripper["right"].current_action)[0]
     rng = np.random.default_rng(1)
@@ -69,9 +69,7 @@ def test_the_control_step_equals_stock_stepping(uncoupled: bool) -> None:
         reference.position[:], reference.rotation[:] = new_goal(origin, action[:6] * arm.output_max, state)
         gripper = np.clip(gripper - 0.2 * np.sign(action[6]), -1.0, 1.0)
         reference.finger[0] = state.ctrl[addresses.servos[0]] = 0.02 + 0.02 * gripper
-        control.track(
-            twin._address, data._address, 25, 0.002, addresses, law, reference, np.zeros(13), 0.0, state
-        )
+        control.track(twin._address, data._address, 25, 0.002, addresses, law, reference, np.zeros(13), 0.0, state)
         mujoco.mj_step1(twin, data)
         assert np.abs(data.qpos - env.sim.data.qpos).max() < TOLERANCE, i
         assert np.abs(data.qvel - env.sim.data.qvel).max() < 100 * TOLERANCE, i
