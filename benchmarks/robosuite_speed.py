@@ -13,6 +13,7 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from mujoco import rollout
 from numpy.typing import NDArray
 
 from causalbench.core.env import StageTaskEnv
@@ -40,30 +41,40 @@ def random_actions(seed: int, count: int) -> Array:
     return np.repeat(rng.uniform(-1, 1, (count // 5 + 1, len(TASK.actions))), 5, axis=0)[:count]
 
 
+def torques(scene: RobosuiteScene, action: Array) -> Array:
+    """The commands (1, substeps, nu) of about this control step, found by taking it one substep at a time."""
+    delta, commands = action * np.array(scene.spec.action_speed) * scene.spec.timestep, []
+    for _ in range(scene.substeps):
+        scene._run(delta, 1, 1)
+        commands.append(scene.data.ctrl.copy())
+    return np.array([commands])
+
+
 def against_raw() -> tuple[float, float]:
     """Median seconds of step + facts and of the raw `mj_step`s of the same substeps on the same model.
 
-    Each control step runs twice from one snapshot, in alternating order: once through the scene and once as one
-    `mj_step` call with the torques of the step's end, so that the arm goes about the same way.
+    From one snapshot each control step runs through the scene and, in alternating order, as a replay of recorded
+    torques by MuJoCo's own loop over `mj_step`, `mujoco.rollout`.
     """
     scene = make()
     env = StageTaskEnv(TASK, scene)
     assert isinstance(scene, RobosuiteScene)
     ours, raw = [], []
+    kind = mujoco.mjtState.mjSTATE_FULLPHYSICS
     for i, action in enumerate(random_actions(0, STEPS)):
         if i % 50 == 0:
             env.reset(seed=i)
+            start = np.empty((1, mujoco.mj_stateSize(scene.model, kind)))
         before = scene.snapshot()
-        scene.step(action)
-        commands = scene.data.ctrl.copy()
+        mujoco.mj_getState(scene.model, scene.data, start[0], kind)
+        commands = torques(scene, action)
         for rival in ("ours", "raw") if i % 2 else ("raw", "ours"):
             scene.restore(before)
             if rival == "ours":
                 ours.append(timed(lambda a=action: (scene.step(a), scene.facts())))
                 after = scene.snapshot()
             else:
-                scene.data.ctrl[:] = commands
-                raw.append(timed(lambda: mujoco.mj_step(scene.model, scene.data, scene.substeps)))
+                raw.append(timed(lambda s=start, c=commands: rollout.rollout(scene.model, scene.data, s, c)))
         scene.restore(after)
     return statistics.median(ours), statistics.median(raw)
 
