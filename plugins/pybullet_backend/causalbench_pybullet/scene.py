@@ -1,4 +1,4 @@
-"""`PybulletScene`: Fetch in Bullet behind the `Scene` contract. The engine is in `world.py`, the robot in `robot.py`."""
+"""`PybulletScene`: Fetch in Bullet behind the `Scene` contract. Bullet is in `world.py`, the robot in `robot.py`."""
 
 from __future__ import annotations
 

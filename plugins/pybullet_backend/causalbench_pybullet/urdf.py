@@ -1,4 +1,4 @@
-"""Writes Fetch as a URDF with convex meshes, from the MJCF that gymnasium-robotics installs, by way of MuJoCo's compiler.
+"""Writes Fetch as a URDF with convex meshes, from gymnasium-robotics' MJCF by way of MuJoCo's compiler.
 
 Kinematics, masses and shapes are those of the compiled model. Bodies without joints are merged into the link that
 carries them: what torso and head belong to is one fixed base. Only needed when the cache of `robot.py` is empty.
@@ -28,9 +28,8 @@ _EFFORT = 'effort="1000" velocity="10"'  # required by the format, ignored: moto
 def write(mjcf: Path, folder: Path) -> None:
     """Write `fetch.urdf`, its meshes and `fetch.json` (what else the plugin knows of the robot) into `folder`."""
     robot = _Robot(_compile(mjcf))
-    (folder / "fetch.urdf").write_text("\n".join(["<robot name='fetch'>", *robot.links(folder), *robot.joints()]))
-    with (folder / "fetch.urdf").open("a") as file:
-        file.write("\n</robot>\n")
+    lines = ['<robot name="fetch">', *robot.links(folder), *robot.joints(), "</robot>", ""]
+    (folder / "fetch.urdf").write_text("\n".join(lines))
     (folder / "fetch.json").write_text(json.dumps(robot.facts()))
 
 
@@ -109,7 +108,7 @@ class _Robot:
             )
 
     def facts(self) -> dict[str, object]:
-        """The arm's chain for `causalbench.core.arm_ik`, the hand in the last link (x, y, z, w), the closed pads' gap."""
+        """The arm's chain for `causalbench.core.arm_ik`, the hand in the last link and the gap of closed pads."""
         model = self.model
         links = [self.link_of[model.body(f"{PREFIX}{name}_link").id] for name in fetch.JOINTS]
         hand = model.body(PREFIX + HAND).id

@@ -22,11 +22,13 @@ GRAVITY = -9.81  # m/s2
 ARM_FORCE = (150.0, 150.0, 100.0, 100.0, 60.0, 60.0, 40.0)  # N m, of the joint motors, as in causalbench-gymrob
 FINGER_FORCE = 20.0  # N each; at 60 N and long timesteps the fingers sink into the object
 ARM_GAIN, FINGER_GAIN = 0.25, 0.2  # share of a joint's error that its motor takes out in one timestep
+# Without "frictionAnchor", which would keep a held box from creeping by 0.2 mm/s: saved states do not contain it.
 FINGER_FRICTION = {"lateralFriction": 1.5, "spinningFriction": 0.05, "rollingFriction": 0.0005}
 OBJECT_FRICTION = {"lateralFriction": 1.0, "spinningFriction": 0.02, "rollingFriction": 0.0005}
 GEAR_FORCE, GEAR_ERP = 500.0, 0.5  # of the constraint that keeps the fingers mirrored
 UNDAMPED = {"linearDamping": 0.0, "angularDamping": 0.0}
 FINGER_JOINTS = ("l_gripper_finger_joint", "r_gripper_finger_joint")
+APART = 50.0  # m
 BASE = -1  # Bullet's index of a body's first link
 
 
@@ -91,13 +93,20 @@ class World:
         return int(pb.createMultiBody(mass, shape, visual, **self._at))
 
     def place(self, layout: Layout) -> None:
-        """Put base and boxes where `layout` wants them, at rest."""
+        """Put base and boxes where `layout` wants them, at rest, with no memory of earlier contacts."""
+        self._forget_contacts()
         x, y, yaw = layout.base_pose.tolist()
         turn = (0.0, 0.0, float(np.sin(yaw / 2)), float(np.cos(yaw / 2)))
         pb.resetBasePositionAndOrientation(self.robot, (x, y, 0.0), turn, **self._at)
         for body, box in zip((*self.fixtures, self.object), (*layout.fixtures, layout.target), strict=True):
             self._put(body, box)
         pb.resetBaseVelocity(self.object, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), **self._at)
+
+    def _forget_contacts(self) -> None:
+        """Part all bodies and let Bullet see it, so that nothing depends on contacts that were before."""
+        for i, body in enumerate((self.robot, self.object, *self.fixtures)):
+            pb.resetBasePositionAndOrientation(body, (0.0, 0.0, APART * (i + 1)), (0.0, 0.0, 0.0, 1.0), **self._at)
+        pb.performCollisionDetection(**self._at)
 
     def _put(self, body: int, box: Box) -> None:
         w, x, y, z = box.quaternion.tolist()
