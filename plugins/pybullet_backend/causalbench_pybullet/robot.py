@@ -31,6 +31,8 @@ class Robot:
     hand_position: tuple[float, ...]  # m, of the end effector in the last link
     hand_quaternion: tuple[float, ...]  # (x, y, z, w), Bullet's order
     gap: float  # m between closed finger pads
+    base_links: tuple[str, ...]  # fixed to the base link
+    passing: tuple[tuple[str, str], ...]  # pairs of links that never collide
 
 
 def cache_folder() -> Path:
@@ -64,6 +66,8 @@ def load() -> Robot:
         hand_position=tuple(facts["hand_position"]),
         hand_quaternion=tuple(facts["hand_quaternion"]),
         gap=facts["gap"],
+        base_links=tuple(facts["base_links"]),
+        passing=tuple((first, second) for first, second in facts["passing"]),
     )
 
 

@@ -22,8 +22,8 @@ GRAVITY = -9.81  # m/s2
 ARM_FORCE = (150.0, 150.0, 100.0, 100.0, 60.0, 60.0, 40.0)  # N m, of the joint motors, as in causalbench-gymrob
 FINGER_FORCE = 20.0  # N each; at 60 N and long timesteps the fingers sink into the object
 ARM_GAIN, FINGER_GAIN = 0.25, 0.2  # share of a joint's error that its motor takes out in one timestep
-# Without "frictionAnchor", which would keep a held box from creeping by 0.2 mm/s: saved states do not contain it.
-FINGER_FRICTION = {"lateralFriction": 1.5, "spinningFriction": 0.05, "rollingFriction": 0.0005}
+# Anchored: friction also corrects positions, without which a held box creeps by some tenths of a millimetre a second.
+FINGER_FRICTION = {"lateralFriction": 1.5, "spinningFriction": 0.05, "rollingFriction": 0.0005, "frictionAnchor": 1}
 OBJECT_FRICTION = {"lateralFriction": 1.0, "spinningFriction": 0.02, "rollingFriction": 0.0005}
 GEAR_FORCE, GEAR_ERP = 500.0, 0.5  # of the constraint that keeps the fingers mirrored
 UNDAMPED = {"linearDamping": 0.0, "angularDamping": 0.0}
@@ -53,26 +53,27 @@ class World:
         pb.setGravity(0.0, 0.0, GRAVITY, **self._at)
         self.floor = self._box((5.0, 5.0, 0.5), 0.0, (0.45, 0.45, 0.45, 1.0))
         pb.resetBasePositionAndOrientation(self.floor, (0.0, 0.0, -0.5), (0.0, 0.0, 0.0, 1.0), **self._at)
-        self.robot = self._load(robot)
-        names = [pb.getJointInfo(self.robot, i, **self._at)[1].decode() for i in range(self._n_joints())]
-        self.arm = [names.index(f"{name}_joint") for name in fetch.JOINTS]
-        self.fingers = [names.index(name) for name in FINGER_JOINTS]
+        flags = pb.URDF_USE_INERTIA_FROM_FILE | pb.URDF_USE_SELF_COLLISION
+        self.robot = int(pb.loadURDF(str(robot.urdf), useFixedBase=True, flags=flags, **self._at))
+        infos = [pb.getJointInfo(self.robot, i, **self._at) for i in range(pb.getNumJoints(self.robot, **self._at))]
+        joint_of = {info[1].decode(): i for i, info in enumerate(infos)}
+        self.arm = [joint_of[f"{name}_joint"] for name in fetch.JOINTS]
+        self.fingers = [joint_of[name] for name in FINGER_JOINTS]
         self.joints = self.arm + self.fingers
+        self.links = {"base_link": BASE} | {info[12].decode(): i for i, info in enumerate(infos)}
+        self._base = [BASE, *(self.links[name] for name in robot.base_links)]
+        for first, second in robot.passing:
+            pb.setCollisionFilterPair(
+                self.robot, self.robot, self.links[first], self.links[second], enableCollision=0, **self._at
+            )
         self._drive()
         self.fixtures = [self._box(size, 0.0, (0.75, 0.7, 0.62, 1.0)) for size in shapes[:-2]]
         self.object = self._box(shapes[-2], shapes[-1][0], (0.85, 0.2, 0.1, 1.0))
         pb.changeDynamics(self.object, BASE, **OBJECT_FRICTION, **UNDAMPED, **self._at)
 
-    def _n_joints(self) -> int:
-        return int(pb.getNumJoints(self.robot, **self._at))
-
-    def _load(self, robot: Robot) -> int:
-        flags = pb.URDF_USE_INERTIA_FROM_FILE | pb.URDF_USE_SELF_COLLISION | pb.URDF_USE_SELF_COLLISION_EXCLUDE_PARENT
-        return int(pb.loadURDF(str(robot.urdf), useFixedBase=True, flags=flags, **self._at))
-
     def _drive(self) -> None:
         """Rid the joints of Bullet's default damping and tie the fingers together, so that the grip stays centred."""
-        for link in range(BASE, self._n_joints()):
+        for link in self.links.values():
             pb.changeDynamics(self.robot, link, jointDamping=0.0, **UNDAMPED, **self._at)
         for finger in self.fingers:
             pb.changeDynamics(self.robot, finger, **FINGER_FRICTION, **self._at)
@@ -149,7 +150,9 @@ class World:
     def base_touches(self) -> bool:
         """Whether the base meets a fixture. Bullet finds no contacts between things that do not move."""
         return any(
-            pb.getClosestPoints(self.robot, fixture, 0.0, linkIndexA=BASE, **self._at) for fixture in self.fixtures
+            pb.getClosestPoints(self.robot, fixture, 0.0, linkIndexA=link, **self._at)
+            for fixture in self.fixtures
+            for link in self._base
         )
 
     def save(self) -> bytes:
