@@ -21,36 +21,43 @@ _BODY_B, _LINK_A, _DISTANCE, _FORCE = 2, 3, 8, 9  # places in Bullet's contact p
 class Contacts(NamedTuple):
     """What touches at the end of a control step. Touching the object is no collision."""
 
-    arm: bool
-    self_: bool
-    holding: bool
+    arm: np.bool_
+    self_: np.bool_
+    holding: np.bool_
+
+
+NOTHING = Contacts(np.False_, np.False_, np.False_)
 
 
 def read_contacts(world: World) -> Contacts:
     """Contacts count that bear force or overlap; Bullet also reports those that are about to be."""
-    arm = itself = False
+    points = world.contacts()
+    if not points:
+        return NOTHING
+    arm = itself = np.False_
     forces = dict.fromkeys(world.fingers, 0.0)
-    for point in world.contacts():
+    for point in points:
         other, link, force = point[_BODY_B], point[_LINK_A], point[_FORCE]
         if other == world.object:
             if link in forces:
                 forces[link] += force
         elif force > 0.0 or point[_DISTANCE] <= 0.0:
             if other == world.robot:
-                itself = True
+                itself = np.True_
             else:
-                arm = True
-    return Contacts(arm, itself, min(forces.values()) > HOLDING_FORCE)
+                arm = np.True_
+    return Contacts(arm, itself, np.bool_(min(forces.values()) > HOLDING_FORCE))
 
 
-def canonical_wxyz(quaternion: Any) -> Array:
+def canonical_wxyz(quaternion: Any) -> tuple[float, float, float, float]:
     """Bullet's quaternion (x, y, z, w) in the project's order, with unit length and w >= 0."""
     x, y, z, w = quaternion
     scale = math.copysign(1.0 / math.sqrt(w * w + x * x + y * y + z * z), w)
-    return np.array([w * scale, x * scale, y * scale, z * scale])
+    return w * scale, x * scale, y * scale, z * scale
 
 
-def hand_pose(world: World, robot: Robot) -> tuple[Array, Array]:
-    """Position (3,) and quaternion (4,) of the end effector in the world."""
+def poses(world: World, robot: Robot) -> Array:
+    """Position and quaternion of the end effector, then of the object, in the world (14,)."""
     position, quaternion = pb.multiplyTransforms(*world.hand(), robot.hand_position, robot.hand_quaternion)
-    return np.array(position), canonical_wxyz(quaternion)
+    object_position, object_quaternion = world.object_pose()
+    return np.array((*position, *canonical_wxyz(quaternion), *object_position, *canonical_wxyz(object_quaternion)))

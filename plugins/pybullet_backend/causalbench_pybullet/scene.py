@@ -13,14 +13,13 @@ from causalbench.core.scene import ACTION_SPEED, Facts, Scene, SceneSpec, check_
 from causalbench.core.snapshots import SnapshotCodec
 from causalbench.errors import CausalbenchError, UserError
 from causalbench_pybullet import __version__, robot
-from causalbench_pybullet.reading import Contacts, canonical_wxyz, hand_pose, read_contacts
+from causalbench_pybullet.reading import NOTHING, Contacts, poses, read_contacts
 from causalbench_pybullet.world import World, shapes_of
 
 Array = NDArray[np.float64]
 
 GRIP_LEAD = 0.005  # m by which a finger's target may run ahead of the finger: enough for full force and speed
 N_ARM = len(fetch.JOINTS)
-NOTHING = Contacts(False, False, False)
 
 
 class PybulletScene(Scene):
@@ -53,7 +52,7 @@ class PybulletScene(Scene):
         self._stride = np.array(self.spec.action_speed) * self._part * timestep
         self._target = np.zeros(N_ARM)  # rad, of the arm's motors
         self._finger = 0.0  # m, of both fingers' motors
-        self._contacts, self._base_touches = NOTHING, False
+        self._contacts, self._base_touches = NOTHING, np.False_
         self._layout: Layout | None = None
         self._base = np.zeros(3)
         self._world: World | None = None
@@ -77,7 +76,7 @@ class PybulletScene(Scene):
         finger = min(max((layout.gripper_opening - self._robot.gap) / 2, 0.0), fetch.FINGER_STROKE)
         self._target[:], self._finger = joints, finger
         world.set_joints(np.append(joints, [finger, finger]))
-        self._aim()
+        world.aim(self.motor_targets())
         world.advance(max(1, round(stepping.SETTLE / self.spec.timestep)))
         self._contacts = read_contacts(world)
         stepping.check_settled(self.facts(), layout)
@@ -95,28 +94,28 @@ class PybulletScene(Scene):
                 finger = float(positions[N_ARM] + positions[N_ARM + 1]) / 2
                 target = min(max(self._finger - closing / 2, finger - GRIP_LEAD), finger + GRIP_LEAD)
                 self._finger = min(max(target, 0.0), fetch.FINGER_STROKE)
-            self._aim()
+            world.aim(self.motor_targets())
             world.advance(self._part)
         self._contacts = read_contacts(world)
 
     def facts(self) -> Facts:
         """What holds now. Contacts are those that the last substep was solved with, all else is the state after it."""
         world = self.world
-        eef_position, eef_quaternion = hand_pose(world, self._robot)
-        object_position, object_quaternion = world.object_pose()
-        fingers = world.joint_positions()[N_ARM:]
+        at, base = poses(world, self._robot), np.zeros(5)
+        base[:3] = self._base
+        left, right = world.finger_positions()
         return Facts(
-            eef_position=eef_position,
-            eef_quaternion=eef_quaternion,
-            gripper_opening=fingers[0] + fingers[1] + self._robot.gap,
-            holding=np.bool_(self._contacts.holding),
-            object_position=np.array(object_position),
-            object_quaternion=canonical_wxyz(object_quaternion),
-            base_pose=self._base.copy(),
-            base_velocity=np.zeros(2),
-            collision_base=np.bool_(self._base_touches),
-            collision_arm=np.bool_(self._contacts.arm),
-            collision_self=np.bool_(self._contacts.self_),
+            eef_position=at[0:3],
+            eef_quaternion=at[3:7],
+            gripper_opening=np.float64(left + right + self._robot.gap),
+            holding=self._contacts.holding,
+            object_position=at[7:10],
+            object_quaternion=at[10:14],
+            base_pose=base[:3],
+            base_velocity=base[3:],
+            collision_base=self._base_touches,
+            collision_arm=self._contacts.arm,
+            collision_self=self._contacts.self_,
         )
 
     def snapshot(self) -> bytes:
@@ -133,9 +132,9 @@ class PybulletScene(Scene):
         size = 8 * (N_ARM + 1 + len(NOTHING))
         ours = np.frombuffer(state[:size], "<f8")
         self._target[:], self._finger = ours[:N_ARM], float(ours[N_ARM])
-        self._contacts = Contacts(*(bool(flag) for flag in ours[N_ARM + 1 :]))
+        self._contacts = Contacts(*(np.bool_(flag) for flag in ours[N_ARM + 1 :]))
         world.load(state[size:])
-        self._aim()
+        world.aim(self.motor_targets())
 
     def render(self, width: int, height: int, camera: str = "scene") -> NDArray[np.uint8]:
         """RGB image (height, width, 3) of the camera "scene", the only one."""
@@ -153,8 +152,9 @@ class PybulletScene(Scene):
             self._world.close()
             self._world = None
 
-    def _aim(self) -> None:
-        self.world.aim([*self._target.tolist(), self._finger, self._finger])
+    def motor_targets(self) -> list[float]:
+        """Where the motors of arm and fingers aim (9), rad and m."""
+        return [*self._target.tolist(), self._finger, self._finger]
 
     def _enter(self, layout: Layout) -> World:
         """The world with base and boxes as in `layout`; boxes of other sizes or masses need another world."""
@@ -166,5 +166,5 @@ class PybulletScene(Scene):
             self._world = World(self._robot, self.spec.timestep, self._iterations, shapes)
         self._world.place(layout)
         self._layout, self._base = layout, np.array(layout.base_pose, dtype=np.float64)
-        self._base_touches = self._world.base_touches()
+        self._base_touches = np.bool_(self._world.base_touches())
         return self._world

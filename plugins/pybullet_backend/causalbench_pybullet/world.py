@@ -86,7 +86,7 @@ class World:
         n = len(self.arm)
         self._forces = [*ARM_FORCE, *[FINGER_FORCE] * len(self.fingers)]
         self._gains = [ARM_GAIN] * n + [FINGER_GAIN] * len(self.fingers)
-        self._ones = [1.0] * len(self.joints)
+        self._zeros, self._ones = [0.0] * len(self.joints), [1.0] * len(self.joints)
 
     def _box(self, half_extents: tuple[float, ...], mass: float, colour: tuple[float, ...]) -> int:
         shape = pb.createCollisionShape(pb.GEOM_BOX, halfExtents=half_extents, **self._at)
@@ -120,13 +120,18 @@ class World:
 
     def joint_positions(self) -> Array:
         """Positions (9,) of arm and fingers, rad and m."""
-        return np.array([state[0] for state in pb.getJointStates(self.robot, self.joints, **self._at)])
+        return np.array([state[0] for state in pb.getJointStates(self.robot, self.joints, self.client)])
+
+    def finger_positions(self) -> tuple[float, float]:
+        """Of both fingers, m."""
+        left, right = pb.getJointStates(self.robot, self.fingers, self.client)
+        return left[0], right[0]
 
     def aim(self, targets: list[float]) -> None:
         """Motor targets (9,) of arm and fingers, rad and m, until the next call."""
         pb.setJointMotorControlArray(
-            self.robot, self.joints, pb.POSITION_CONTROL, targetPositions=targets, forces=self._forces,
-            positionGains=self._gains, velocityGains=self._ones, **self._at,
+            self.robot, self.joints, pb.POSITION_CONTROL, targets, self._zeros, self._forces, self._gains, self._ones,
+            self.client,
         )  # fmt: skip
 
     def advance(self, substeps: int) -> None:
@@ -137,7 +142,7 @@ class World:
 
     def hand(self) -> Any:
         """Position (3) and quaternion (x, y, z, w) of the last link's frame in the world."""
-        return pb.getLinkState(self.robot, self.arm[-1], computeForwardKinematics=True, **self._at)[4:6]
+        return pb.getLinkState(self.robot, self.arm[-1], 0, 1, self.client)[4:6]  # with fresh kinematics, no velocity
 
     def object_pose(self) -> Any:
         """Position (3) and quaternion (x, y, z, w) of the object."""
@@ -145,7 +150,7 @@ class World:
 
     def contacts(self) -> Any:
         """Bullet's contact points of the robot: those that the last timestep was solved with."""
-        return pb.getContactPoints(bodyA=self.robot, **self._at)
+        return pb.getContactPoints(bodyA=self.robot, physicsClientId=self.client)
 
     def base_touches(self) -> bool:
         """Whether the base meets a fixture. Bullet finds no contacts between things that do not move."""
