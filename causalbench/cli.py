@@ -163,6 +163,21 @@ def backends() -> None:
     print_backends(installed())
 
 
+@app.command()
+def doctor(jobs: Jobs = None) -> None:
+    """Try every simulator and look for what makes runs fail or crawl; exit code 1 if anything needs mending."""
+    from causalbench.plugins import installed
+    from causalbench.run.doctor import examine
+    from causalbench.show import print_finding
+
+    found = []
+    for finding in examine(installed(), jobs or _cores()):
+        print_finding(finding)
+        found.append(finding.ok)
+    if not all(found):
+        raise typer.Exit(EXIT_FAILED)
+
+
 def _plan(
     suite: Path, tier: TierOption, seeds: int | None, only: list[str] | None, out: Path | None
 ) -> tuple[Plan, RunFolder, SuiteFile]:

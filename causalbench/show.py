@@ -12,6 +12,7 @@ from rich.table import Table
 
 from causalbench.core.discovery.graph import CausalGraph, StageGraph
 from causalbench.plugins import Plugins
+from causalbench.run.doctor import Finding
 from causalbench.store.cells import Status
 
 Row = Mapping[str, Any]
@@ -105,6 +106,13 @@ def print_backends(plugins: Plugins) -> None:
         if row.error:
             table.add_row("-", "", "", row.distribution, row.version, f"could not be loaded: {escape(row.error)}")
     _print(table)
+
+
+def print_finding(finding: Finding) -> None:
+    """One line of `doctor`, and one more with advice if something is wrong."""
+    _print(f"{'ok  ' if finding.ok else 'FAIL'}  {finding.subject}: {finding.text}")
+    if not finding.ok:
+        _print(f"      {finding.advice}")
 
 
 def _text(value: Any) -> str:
