@@ -127,14 +127,18 @@ def discover(
     task: Annotated[str, typer.Option(help="What for.")] = "pure_manipulation",
     preset: Annotated[str, typer.Option(help="Named settings: quick or paper.")] = "quick",
     seed: Annotated[int, typer.Option(min=0)] = 0,
+    oracle: Annotated[bool, typer.Option("--oracle", help="Score it against counterfactuals from snapshots.")] = False,
     out: Annotated[Path | None, typer.Option(help="Folder for graph.json and kl.csv.")] = None,
 ) -> None:
     """Discover the causal graph of a task, print it beside its KL values, and write graph.json and kl.csv."""
     from causalbench.run.alone import discover_alone
-    from causalbench.show import print_graph
+    from causalbench.show import print_graph, print_oracle
 
     folder = out or Path("runs") / f"discover-{task}-{backend}-{preset}-s{seed}"
-    print_graph(discover_alone(task, backend, preset, seed, folder), folder)
+    graph, truth = discover_alone(task, backend, preset, seed, oracle, folder)
+    print_graph(graph, folder)
+    if truth is not None:
+        print_oracle(graph, truth)
 
 
 @app.command()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.markup import escape
@@ -14,6 +14,9 @@ from causalbench.core.discovery.graph import CausalGraph, StageGraph
 from causalbench.plugins import Plugins
 from causalbench.run.doctor import Finding
 from causalbench.store.cells import Status
+
+if TYPE_CHECKING:
+    from causalbench.core.discovery.oracle import StageTruth
 
 Row = Mapping[str, Any]
 
@@ -74,6 +77,24 @@ def print_graph(graph: CausalGraph, folder: Path) -> None:
         _print(_stage_table(stage))
     _print("KL1 = KL(P1||P2), KL2 = KL(P2||P1); P1 = p(r | s, do(a = 0)), P2 = p(r | s, random a); X: selected")
     _print(f"Causal graph {graph.hash}, {graph.env_steps} environment steps; written to {folder}")
+
+
+def print_oracle(graph: CausalGraph, truth: Sequence[StageTruth]) -> None:
+    """Every edge that is there or was selected, with its effect and grade, then the scores."""
+    from causalbench.core.discovery.tables import oracle_table, score_table
+
+    edges = Table("stage", "reward", "action", "effect", "interval", "grade", "selected", title="Oracle")
+    for row in oracle_table(graph, truth).to_dict("records"):
+        if row["grade"] != "absent" or row["selected"]:
+            interval = escape(f"[{row['effect_low']:.4f}, {row['effect_high']:.4f}]")
+            named = (str(row[key]) for key in ("stage", "reward", "action"))
+            edges.add_row(*named, f"{row['effect']:.4f}", interval, row["grade"], "X" if row["selected"] else "")
+    _print(edges)
+    scores = Table("stage", "precision", "recall", "F1", "SHD", "F1, weak counted", title="Score on strong edges")
+    for row in score_table(graph, truth).to_dict("records"):
+        ratios = [f"{row[key]:.3f}" for key in ("precision", "recall", "f1")]
+        scores.add_row(str(row["stage"]), *ratios, str(row["shd"]), f"{row['f1_weak_present']:.3f}")
+    _print(scores)
 
 
 def _stage_table(graph: StageGraph) -> Table:
