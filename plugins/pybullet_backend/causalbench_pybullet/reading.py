@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,35 +18,25 @@ HOLDING_FORCE = 5.0  # N of each pad on the object: two and a half times the wei
 _BODY_B, _LINK_A, _DISTANCE, _FORCE = 2, 3, 8, 9  # places in Bullet's contact points
 
 
-class Contacts(NamedTuple):
-    """What touches at the end of a control step. Touching the object is no collision."""
+def read_contacts(world: World) -> tuple[bool, bool, bool]:
+    """Whether the arm touches a thing, the robot itself, and whether both pads press on the object.
 
-    arm: np.bool_
-    self_: np.bool_
-    holding: np.bool_
-
-
-NOTHING = Contacts(np.False_, np.False_, np.False_)
-
-
-def read_contacts(world: World) -> Contacts:
-    """Contacts count that bear force or overlap; Bullet also reports those that are about to be."""
-    points = world.contacts()
-    if not points:
-        return NOTHING
-    arm = itself = np.False_
+    Contacts count that bear force or overlap; Bullet also reports those that are about to be. Touching the object is
+    no collision.
+    """
+    arm = itself = False
     forces = dict.fromkeys(world.fingers, 0.0)
-    for point in points:
+    for point in world.contacts():
         other, link, force = point[_BODY_B], point[_LINK_A], point[_FORCE]
         if other == world.object:
             if link in forces:
                 forces[link] += force
         elif force > 0.0 or point[_DISTANCE] <= 0.0:
             if other == world.robot:
-                itself = np.True_
+                itself = True
             else:
-                arm = np.True_
-    return Contacts(arm, itself, np.bool_(min(forces.values()) > HOLDING_FORCE))
+                arm = True
+    return arm, itself, min(forces.values()) > HOLDING_FORCE
 
 
 def canonical_wxyz(quaternion: Any) -> tuple[float, float, float, float]:
@@ -56,8 +46,14 @@ def canonical_wxyz(quaternion: Any) -> tuple[float, float, float, float]:
     return w * scale, x * scale, y * scale, z * scale
 
 
-def poses(world: World, robot: Robot) -> Array:
-    """Position and quaternion of the end effector, then of the object, in the world (14,)."""
+def read_poses(world: World, robot: Robot) -> Array:
+    """Hand pose 3 + 4 and object pose 3 + 4 in the world, and the gripper's opening in metres (15,)."""
     position, quaternion = pb.multiplyTransforms(*world.hand(), robot.hand_position, robot.hand_quaternion)
     object_position, object_quaternion = world.object_pose()
-    return np.array((*position, *canonical_wxyz(quaternion), *object_position, *canonical_wxyz(object_quaternion)))
+    left, right = world.finger_positions()
+    return np.array(
+        (
+            *position, *canonical_wxyz(quaternion), *object_position, *canonical_wxyz(object_quaternion),
+            left + right + robot.gap,
+        )
+    )  # fmt: skip

@@ -13,7 +13,7 @@ from causalbench.core.scene import ACTION_SPEED, Facts, Scene, SceneSpec, check_
 from causalbench.core.snapshots import SnapshotCodec
 from causalbench.errors import CausalbenchError, UserError
 from causalbench_pybullet import __version__, robot
-from causalbench_pybullet.reading import NOTHING, Contacts, poses, read_contacts
+from causalbench_pybullet.reading import read_contacts, read_poses
 from causalbench_pybullet.world import World, shapes_of
 
 Array = NDArray[np.float64]
@@ -52,7 +52,7 @@ class PybulletScene(Scene):
         self._stride = np.array(self.spec.action_speed) * self._part * timestep
         self._target = np.zeros(N_ARM)  # rad, of the arm's motors
         self._finger = 0.0  # m, of both fingers' motors
-        self._contacts, self._base_touches = NOTHING, np.False_
+        self._flags = np.zeros(4, dtype=np.bool_)  # base, arm and self-collision, holding
         self._layout: Layout | None = None
         self._base = np.zeros(3)
         self._world: World | None = None
@@ -78,7 +78,7 @@ class PybulletScene(Scene):
         world.set_joints(np.append(joints, [finger, finger]))
         world.aim(self.motor_targets())
         world.advance(max(1, round(stepping.SETTLE / self.spec.timestep)))
-        self._contacts = read_contacts(world)
+        self._flags[1:] = read_contacts(world)
         stepping.check_settled(self.facts(), layout)
 
     def step(self, action: Array) -> None:
@@ -96,43 +96,41 @@ class PybulletScene(Scene):
                 self._finger = min(max(target, 0.0), fetch.FINGER_STROKE)
             world.aim(self.motor_targets())
             world.advance(self._part)
-        self._contacts = read_contacts(world)
+        self._flags[1:] = read_contacts(world)
 
     def facts(self) -> Facts:
         """What holds now. Contacts are those that the last substep was solved with, all else is the state after it."""
-        world = self.world
-        at, base = poses(world, self._robot), np.zeros(5)
+        x, flags, base = read_poses(self.world, self._robot), self._flags, np.zeros(5)
         base[:3] = self._base
-        left, right = world.finger_positions()
         return Facts(
-            eef_position=at[0:3],
-            eef_quaternion=at[3:7],
-            gripper_opening=np.float64(left + right + self._robot.gap),
-            holding=self._contacts.holding,
-            object_position=at[7:10],
-            object_quaternion=at[10:14],
+            eef_position=x[0:3],
+            eef_quaternion=x[3:7],
+            gripper_opening=x[14],
+            holding=flags[3],
+            object_position=x[7:10],
+            object_quaternion=x[10:14],
             base_pose=base[:3],
             base_velocity=base[3:],
-            collision_base=self._base_touches,
-            collision_arm=self._contacts.arm,
-            collision_self=self._contacts.self_,
+            collision_base=flags[0],
+            collision_arm=flags[1],
+            collision_self=flags[2],
         )
 
     def snapshot(self) -> bytes:
         """Layout, motor targets, contacts and Bullet's state with its contact memory."""
         if self._layout is None:
             raise CausalbenchError("call reset() before snapshot()")
-        ours = np.array([*self._target, self._finger, *self._contacts], dtype="<f8")
+        ours = np.array([*self._target, self._finger, *self._flags], dtype="<f8")
         return self._codec.pack(self._layout, ours.tobytes() + self.world.save())
 
     def restore(self, snapshot: bytes) -> None:
         """Return to a snapshot, bit for bit. Raises `SnapshotError`."""
         layout, state = self._codec.unpack(snapshot)
         world = self._enter(layout)
-        size = 8 * (N_ARM + 1 + len(NOTHING))
+        size = 8 * (N_ARM + 1 + len(self._flags))
         ours = np.frombuffer(state[:size], "<f8")
         self._target[:], self._finger = ours[:N_ARM], float(ours[N_ARM])
-        self._contacts = Contacts(*(np.bool_(flag) for flag in ours[N_ARM + 1 :]))
+        self._flags[:] = ours[N_ARM + 1 :]
         world.load(state[size:])
         world.aim(self.motor_targets())
 
@@ -166,5 +164,5 @@ class PybulletScene(Scene):
             self._world = World(self._robot, self.spec.timestep, self._iterations, shapes)
         self._world.place(layout)
         self._layout, self._base = layout, np.array(layout.base_pose, dtype=np.float64)
-        self._base_touches = np.bool_(self._world.base_touches())
+        self._flags[0] = self._world.base_touches()
         return self._world

@@ -14,7 +14,7 @@ import pytest
 from causalbench.core import arm_ik, fetch, rotations
 from causalbench_pybullet import robot
 from causalbench_pybullet.engine import pb
-from causalbench_pybullet.reading import poses
+from causalbench_pybullet.reading import read_poses
 from causalbench_pybullet.world import World
 
 SHAPES = ((0.3, 0.5, 0.3), (0.05, 0.015, 0.025), (0.2,))
@@ -64,7 +64,7 @@ def test_kinematics_are_those_of_the_stock_model(world: World, stock: mujoco.MjM
 
 
 def by_engine(world: World) -> tuple[np.ndarray, np.ndarray]:
-    at = poses(world, robot.load())
+    at = read_poses(world, robot.load())
     return at[:3], rotations.matrix(at[3:7])
 
 
