@@ -25,6 +25,8 @@ MAX_DRAWS = 200
 POSITION_ERROR = 1e-3  # m
 ANGLE_ERROR = math.radians(0.5)
 AXES = ("armx", "army", "armz", "armrx", "armry", "armrz")
+NEARER = 0.1  # m: translations start nearer to the base, so that there is room for a second of armx
+BEYOND = (1.1, 1.25)  # of the amount: what a pose must leave room for, translations and rotations
 CLEARANCE = 0.12  # m between the table and a hand that shall touch nothing
 FIELDS = tuple(field.name for field in dataclasses.fields(Facts))
 
@@ -95,49 +97,69 @@ def aside(scene: Scene, layout: Layout) -> Layout:
     return dataclasses.replace(layout, target=box)
 
 
-def clear_poses(scene: Scene, seed: int = 0) -> Iterator[Layout]:
-    """Starts of stage 2 with the hand raised by up to 0.25 m and the box out of the way."""
-    rng = np.random.default_rng(seed)
-    for layout in draws(scene, seed, 2):
-        raised = layout.eef_position + np.array([0.0, 0.0, 0.25 * rng.random()])
-        yield aside(scene, dataclasses.replace(layout, eef_position=raised))
+def clear_poses(scene: Scene, nearer: float = 0.0) -> Iterator[Layout]:
+    """Starts of stage 2, the hand raised by up to 0.25 m, up to `nearer` m nearer to the base, the box out of the way.
+
+    The scene is asked for none of them yet.
+    """
+    rng = np.random.default_rng(0)
+    for layout in draws(scene, 0, 2):
+        shift = rotations.rotate(task.BASE_QUATERNION, rng.random(3) * np.array([-nearer, 0.0, 0.25]))
+        yield aside(scene, dataclasses.replace(layout, eef_position=layout.eef_position + shift))
 
 
-def clear_start(scene: Scene, seed: int = 0) -> Layout:
+def clear_start(scene: Scene) -> Layout:
     """Put the scene into the first of `clear_poses` that it accepts."""
-    for layout in clear_poses(scene, seed):
+    for layout in clear_poses(scene):
         if accepts(scene, layout):
             return layout
     raise AssertionError(f"reset refused {MAX_DRAWS} poses above the table; check `spec.workspace`")
 
 
-def dexterous(scene: Scene, name: str, value: float, seconds: float, count: int = 5) -> Iterator[Layout]:
-    """The first `count` of `clear_poses` from which the arm can go where the action leads.
+def full_runs(scene: Scene, name: str, value: float, size: float = 1.0, count: int = 5) -> list[list[Facts]]:
+    """A second of one action from `count` poses: facts before it and after each of its steps.
 
-    It can if `reset` accepts, as a start of its own, the pose at which the action ends. The scene is left in the
-    layout that is yielded.
+    The poses are the first of `clear_poses` that leave room for the action at full deflection: `reset` accepts, as a
+    start of its own, a pose a little beyond the one where it ends (`BEYOND`), and the arm hits nothing on its way.
+    A rotation begins so that half of it leads to the middle of the tilts that the task asks for.
     """
-    index = AXES.index(name)
-    amount = value * scene.spec.action_speed[scene.spec.actions.index(name)] * seconds
-    found = 0
-    for layout in clear_poses(scene):
-        if index < 3:
-            shift = rotations.rotate(task.BASE_QUATERNION, amount * np.eye(3)[index])
-            goal = dataclasses.replace(layout, eef_position=layout.eef_position + shift)
-        else:
-            turned = rotations.multiply(layout.eef_quaternion, rotations.from_axis_angle(index - 3, amount))
-            goal = dataclasses.replace(layout, eef_quaternion=rotations.canonical(turned))
-        if goal.eef_position[2] < scene.spec.workspace.table_height + CLEARANCE or not accepts(scene, goal):
+    index, runs = AXES.index(name), []
+    amount = value * scene.spec.action_speed[scene.spec.actions.index(name)]
+    for layout in clear_poses(scene, NEARER if index < 3 else 0.0):
+        if index >= 3:
+            layout = _displaced(_half_tilted(layout), index, -amount / 2)
+        goal = _displaced(layout, index, amount * BEYOND[index // 3])
+        above = goal.eef_position[2] - scene.spec.workspace.table_height
+        if above < CLEARANCE or not accepts(scene, goal) or not accepts(scene, layout):
             continue
-        if accepts(scene, layout):
-            yield layout
-            found += 1
-            if found == count:
-                return
+        run = [scene.facts()]
+        for _ in range(steps(scene, 1.0)):
+            run.append(act(scene, 1, **{name: value * size}))
+        if not any(touches(facts) for facts in run):
+            runs.append(run)
+        if len(runs) == count:
+            return runs
     raise AssertionError(
-        f"only {found} of {MAX_DRAWS} poses above the table leave room for {seconds:g} s of {name} at {value:+g}; "
-        f"{count} are needed. Check `spec.workspace`, or where reset refuses a pose"
+        f"only {len(runs)} of {MAX_DRAWS} poses above the table leave room for a second of {name} at {value:+g}; "
+        f"{count} are needed. Check `spec.workspace`, where reset refuses a pose, and the collision flags"
     )
+
+
+def _half_tilted(layout: Layout) -> Layout:
+    """`layout` with the hand half as far from straight down as the task's starts are at most."""
+    posture = rotations.multiply(task.FACE_DOWN, rotations.from_axis_angle(1, -task.TILT_HIGH / 2))
+    return dataclasses.replace(
+        layout, eef_quaternion=rotations.canonical(rotations.multiply(task.BASE_QUATERNION, posture))
+    )
+
+
+def _displaced(layout: Layout, index: int, amount: float) -> Layout:
+    """`layout` with the hand moved by `amount` (m or rad) along or about `AXES[index]`."""
+    if index < 3:
+        shift = rotations.rotate(task.BASE_QUATERNION, amount * np.eye(3)[index])
+        return dataclasses.replace(layout, eef_position=layout.eef_position + shift)
+    turned = rotations.multiply(layout.eef_quaternion, rotations.from_axis_angle(index - 3, amount))
+    return dataclasses.replace(layout, eef_quaternion=rotations.canonical(turned))
 
 
 def to_base(position: Array) -> Array:
