@@ -27,6 +27,7 @@ class Backend:
 
     `make(**options)` imports the simulator and returns a new scene; `engine` and `robot` are for people;
     `modules` are the imports that the simulator needs, so that a missing one is named without importing it;
+    `capabilities` are those of its scenes' specs, so that they can be listed without making one;
     `known_gaps` are lines of the contract (docs/conformance.md) that do not hold, with the reason: `{"S21": "..."}`.
     """
 
@@ -35,6 +36,7 @@ class Backend:
     engine: str
     robot: str
     modules: tuple[str, ...] = ()
+    capabilities: frozenset[str] = frozenset()
     known_gaps: Mapping[str, str] = field(default_factory=dict)
 
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import functools
+import inspect
 from collections.abc import Callable, Mapping
 from typing import Any
 
 from causalbench.core.scene import Scene, SceneSpec
-from causalbench.errors import CausalbenchError
+from causalbench.errors import CausalbenchError, UserError
 from causalbench.hookspecs import Backend
 
 MakeScene = Callable[[], Scene]
@@ -25,6 +26,11 @@ class Bench:
     def __init__(self, backend: Backend, options: Mapping[str, Any] | None = None) -> None:
         self.backend = backend
         self.make_scene: MakeScene = functools.partial(backend.make, **(options or {}))
+        signature = inspect.signature(backend.make)
+        try:
+            signature.bind(**(options or {}))
+        except TypeError as error:
+            raise UserError(f"options of backend {backend.name!r}: {error}; it takes {signature}") from error
         self._scenes: list[Scene] = []
 
     def make(self) -> Scene:

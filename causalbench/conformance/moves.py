@@ -25,7 +25,7 @@ MAX_DRAWS = 200
 POSITION_ERROR = 1e-3  # m
 ANGLE_ERROR = math.radians(0.5)
 AXES = ("armx", "army", "armz", "armrx", "armry", "armrz")
-NEARER = 0.1  # m: translations start nearer to the base, so that there is room for a second of armx
+ROOM = (0.1, 0.25)  # m nearer and higher: where translations start, to have room for a second of armx and armz
 BEYOND = (1.1, 1.25)  # of the amount: what a pose must leave room for, translations and rotations
 CLEARANCE = 0.12  # m between the table and a hand that shall touch nothing
 FIELDS = tuple(field.name for field in dataclasses.fields(Facts))
@@ -97,14 +97,14 @@ def aside(scene: Scene, layout: Layout) -> Layout:
     return dataclasses.replace(layout, target=box)
 
 
-def clear_poses(scene: Scene, nearer: float = 0.0) -> Iterator[Layout]:
-    """Starts of stage 2, the hand raised by up to 0.25 m, up to `nearer` m nearer to the base, the box out of the way.
+def clear_poses(scene: Scene, nearer: float = 0.0, higher: float = 0.1) -> Iterator[Layout]:
+    """Starts of stage 2 with the box out of the way, the hand up to so many metres `nearer` to the base and `higher`.
 
     The scene is asked for none of them yet.
     """
     rng = np.random.default_rng(0)
     for layout in draws(scene, 0, 2):
-        shift = rotations.rotate(task.BASE_QUATERNION, rng.random(3) * np.array([-nearer, 0.0, 0.25]))
+        shift = rotations.rotate(task.BASE_QUATERNION, rng.random(3) * np.array([-nearer, 0.0, higher]))
         yield aside(scene, dataclasses.replace(layout, eef_position=layout.eef_position + shift))
 
 
@@ -125,7 +125,7 @@ def full_runs(scene: Scene, name: str, value: float, size: float = 1.0, count: i
     """
     index, runs = AXES.index(name), []
     amount = value * scene.spec.action_speed[scene.spec.actions.index(name)]
-    for layout in clear_poses(scene, NEARER if index < 3 else 0.0):
+    for layout in clear_poses(scene, *(ROOM if index < 3 else ())):
         if index >= 3:
             layout = _displaced(_half_tilted(layout), index, -amount / 2)
         goal = _displaced(layout, index, amount * BEYOND[index // 3])

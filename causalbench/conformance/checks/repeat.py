@@ -60,10 +60,9 @@ def _all_from_layouts(make_scene: MakeScene, layouts: list[Layout]) -> Array:
 
 def s29_independent(bench: Bench) -> None:
     """S29. Two live scenes do not touch each other."""
-    first, second = bench.scene, bench.make()
-    layout = start(first, 0)
-    alone = _from_layout(first, layout)
-    start(second, 1)
+    layout = start(bench.scene, 0)
+    alone = _from_layout(bench.make(), layout)
+    first, second = bench.make(), bench.make()
     first.reset(layout)
     start(second, 2)
     rng, other = np.random.default_rng(5), np.random.default_rng(7)
@@ -118,13 +117,13 @@ def s30_snapshot_free(bench: Bench) -> None:
 
 
 def s31_snapshot_contact(bench: Bench) -> None:
-    """S31. So does a snapshot while the hand presses on the table."""
+    """S31. A snapshot taken while the hand presses on the table goes on the same, too."""
     press(bench.scene)
     _check_restored(bench, "pressing on the table")
 
 
 def s32_snapshot_grasp(bench: Bench) -> None:
-    """S32. So does a snapshot with the box in the hand."""
+    """S32. A snapshot taken with the box in the hand goes on the same, too."""
     grasp(bench.scene)
     _check_restored(bench, "with the box in the hand")
 

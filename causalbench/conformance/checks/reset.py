@@ -19,7 +19,10 @@ ELSEWHERE = (0.4, -0.3, 0.7)
 
 
 def s09_layout(bench: Bench) -> None:
-    """S9. Reset puts hand, box, base and opening where the layout says, within 1 mm and 0.5 degrees, and at rest."""
+    """S9. Reset puts hand, box, base and opening where the layout says, within 1 mm and 0.5 degrees, and at rest.
+
+    20 starts of all stages. So quaternions are (w, x, y, z) and turn the body's axes into the world's.
+    """
     for stage in range(1, N_STAGES + 1):
         for seed in range(5):
             layout = start(bench.scene, seed, stage)

@@ -62,10 +62,15 @@ def s04_time(bench: Bench) -> None:
 
 
 def s05_capabilities(bench: Bench) -> None:
-    """S5. Capabilities are known and truthful: base actions and "mobile_base" go together; no picture without "rgb"."""
+    """S5. Capabilities are known, those that the plugin registers, and truthful: no base action without "mobile_base"."""
     spec = bench.spec
     unknown = sorted(spec.capabilities - CAPABILITIES)
     expect(not unknown, f"unknown capabilities {unknown}; known: {', '.join(sorted(CAPABILITIES))}")
+    registered = bench.backend.capabilities
+    expect(
+        spec.capabilities == registered,
+        f"spec.capabilities is {sorted(spec.capabilities)}, but the plugin registers {sorted(registered)}",
+    )
     mobile = {"forward", "turn"} <= set(spec.actions)
     expect(
         mobile == ("mobile_base" in spec.capabilities),
