@@ -106,7 +106,9 @@ def print_backends(plugins: Plugins) -> None:
         table.add_row(*map(escape, cells))
     for row in plugins.rows:
         if row.error:
-            table.add_row("-", "", "", row.distribution, row.version, "", "", f"could not be loaded: {escape(row.error)}")
+            table.add_row(
+                "-", "", "", row.distribution, row.version, "", "", f"could not be loaded: {escape(row.error)}"
+            )
     _print(table)
 
 

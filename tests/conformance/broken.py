@@ -9,6 +9,7 @@ import os
 from typing import Any, ClassVar
 
 import numpy as np
+from conformance import hasty
 
 from causalbench.core import rotations
 from causalbench.core.kinematic import BASE_POSE, BOX, BOX_POSTURE, COMMAND, HAND, SPEC, TABLE_HIT, KinematicScene
@@ -16,7 +17,6 @@ from causalbench.core.layout import Layout
 from causalbench.core.scene import ACTION_SPEED, Array, Facts, SceneSpec, check_action
 from causalbench.errors import SnapshotError, UnreachableLayoutError
 from causalbench.hookspecs import Backend
-from conformance import hasty
 
 NAMES = SPEC.actions
 

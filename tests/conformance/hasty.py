@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from causalbench.core.kinematic import KinematicScene
 from conformance import pretend_simulator
+
+from causalbench.core.kinematic import KinematicScene
 
 
 def make() -> KinematicScene:

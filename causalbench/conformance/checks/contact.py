@@ -22,7 +22,7 @@ def s24_collision(bench: Bench) -> None:
     expect(low > table - 0.02, f"the hand is {table - low:.3f} m inside the table")
     left = act(scene, steps(scene, 0.7), armz=1.0)
     rise = float(left.eef_position[2]) - low
-    expect(rise > 0.05, f"0.7 s of armz away from the table raise the hand by {rise:.3f} m only: pressing winds targets up")
+    expect(rise > 0.05, f"0.7 s of armz off the table raise the hand by {rise:.3f} m only: targets wind up")
     expect(not left.collision_arm, f"collision_arm is still true {rise:.3f} m above the table")
 
 
@@ -48,4 +48,3 @@ def s26_holding(bench: Bench) -> None:
         expect(not act(scene, steps(scene, 1.0), grip=-1.0).holding, "holding is still true after a second of opening")
     clear_start(scene)
     expect(not act(scene, steps(scene, 1.5), grip=1.0).holding, "holding is true for a hand closed on nothing")
-

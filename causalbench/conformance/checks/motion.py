@@ -111,9 +111,7 @@ def s16_base(bench: Bench) -> None:
             speed = scene.spec.action_speed[scene.spec.actions.index(name)]
             declared = value * speed * count * scene.spec.control_dt
             after = act(scene, count, **{name: value}).base_pose
-            shift = rotations.rotate(
-                rotations.from_axis_angle(2, -before[2]), np.append(after[:2] - before[:2], 0.0)
-            )
+            shift = rotations.rotate(rotations.from_axis_angle(2, -before[2]), np.append(after[:2] - before[:2], 0.0))
             turned = math.remainder(after[2] - before[2], math.tau)
             found = np.array([shift[0], turned, shift[1]])
             what = f"{count} steps of {name} at {value:+g} move the base by (x, yaw, y) = {found}, declared {declared:+.4f}"
@@ -178,7 +176,9 @@ def s20_grip_zero(bench: Bench) -> None:
         facts = act(scene, 1)
         expect(facts.holding, "a held box is no longer held while grip is 0: keep the force, not only the opening")
     after = float(facts.gripper_opening)
-    expect(abs(after - before) <= 1e-3, f"with a held box 3 idle seconds change the opening: {before:.4f}, {after:.4f} m")
+    expect(
+        abs(after - before) <= 1e-3, f"with a held box 3 idle seconds change the opening: {before:.4f}, {after:.4f} m"
+    )
 
 
 def s21_gravity(bench: Bench) -> None:
@@ -196,7 +196,10 @@ def s21_gravity(bench: Bench) -> None:
     top = float(facts.object_position[2])
     heights = [float(act(scene, 1, grip=-1.0).object_position[2]) for _ in range(steps(scene, 1.5))]
     free = np.array([z for z in heights if FLOOR_MARGIN < z < top - RELEASED])
-    expect(len(free) >= 3, f"no three steps of free fall from {top:.2f} m to the floor; heights (m): {np.round(heights, 3)}")
+    expect(
+        len(free) >= 3,
+        f"no three steps of free fall from {top:.2f} m to the floor; heights (m): {np.round(heights, 3)}",
+    )
     found = -np.diff(free, 2) / scene.spec.control_dt**2
     expect(
         np.abs(found - GRAVITY).max() <= GRAVITY_ERROR * GRAVITY,
@@ -221,7 +224,9 @@ def s22_invalid_actions(bench: Bench) -> None:
     expected = walk(scene, 0, 3)
     scene.restore(snapshot)
     before = row(scene.facts())
-    bad: list[tuple[str, NDArray[np.float64]]] = [("a wrong shape", np.zeros(shape)) for shape in (n - 1, n + 1, (1, n))]
+    bad: list[tuple[str, NDArray[np.float64]]] = [
+        ("a wrong shape", np.zeros(shape)) for shape in (n - 1, n + 1, (1, n))
+    ]
     for index in (0, n - 1):
         for value in (np.nan, np.inf, 1.5, -1.5):
             action = np.full(n, 0.5)
@@ -246,11 +251,11 @@ def s23_finite(bench: Bench) -> None:
     for seed in range(2):
         start(scene, seed)
         facts = walk(scene, seed, 200)
-        expect(np.isfinite(facts).all(), f"facts are not finite after {1 + int(np.isfinite(facts).all(1).argmin())} steps")
+        expect(
+            np.isfinite(facts).all(), f"facts are not finite after {1 + int(np.isfinite(facts).all(1).argmin())} steps"
+        )
         last = scene.facts()
         reach = float(np.linalg.norm(last.eef_position[:2] - last.base_pose[:2]))
         expect(reach < 3, f"after 200 random actions the hand is {reach:.1f} m from the base")
         height = float(last.object_position[2])
         expect(-0.1 < height < 5, f"after 200 random actions the box is at a height of {height:.1f} m")
-
-

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 
 import numpy as np
 import pytest
@@ -13,7 +12,6 @@ from causalbench.core import rotations
 from causalbench.core.layout import Layout
 from causalbench.core.scene import Facts, Scene
 from causalbench.core.tasks import pure_manipulation as task
-from causalbench_gymrob import make
 
 
 def start(scene: Scene, x: float, z: float, pitch: float = 0.0) -> Facts:
@@ -79,33 +77,6 @@ def test_ten_full_steps_of_an_arm_action(
     assert np.abs(np.delete(error, index)).max() < 0.05 * size
 
 
-def test_half_an_action_goes_half_as_far(scene: Scene) -> None:
-    before = start(scene, 0.65, 0.8, 0.2)
-    shift, _ = moved(before, play(scene, "armx", 0.5, 10))
-    assert shift[0] == pytest.approx(0.1, rel=0.1)
-
-
-def test_the_gripper_closes_and_opens_at_its_speed(scene: Scene) -> None:
-    before = start(scene, 0.70, 0.85)
-    assert before.gripper_opening == pytest.approx(scene.spec.max_opening, abs=1e-3)
-    closed = play(scene, "grip", 1.0, 4)
-    assert before.gripper_opening - closed.gripper_opening == pytest.approx(0.08, rel=0.1)
-    play(scene, "grip", 1.0, 10)
-    assert scene.facts().gripper_opening < 0.003
-    opened = play(scene, "grip", -1.0, 10)
-    assert opened.gripper_opening > 0.98 * scene.spec.max_opening
-
-
-def test_zero_holds_the_pose(scene: Scene) -> None:
-    before = start(scene, 0.70, 0.85, 0.5)
-    after = play(scene, "grip", 0.0, 20)
-    shift, turn = moved(before, after)
-    assert np.abs(shift).max() < 1e-3
-    assert np.abs(turn).max() < math.radians(0.5)
-    assert after.gripper_opening == pytest.approx(before.gripper_opening, abs=1e-3)
-    assert np.allclose(after.base_pose, before.base_pose, atol=1e-3)
-
-
 def test_zero_keeps_the_grip_and_one_second_of_opening_opens(grasped: Scene) -> None:
     before = grasped.facts()
     held = play(grasped, "grip", 0.0, 30)
@@ -115,19 +86,6 @@ def test_zero_keeps_the_grip_and_one_second_of_opening_opens(grasped: Scene) -> 
     opened = play(grasped, "grip", -1.0, 10)
     assert not opened.holding
     assert opened.gripper_opening > 0.98 * grasped.spec.max_opening
-
-
-def test_a_released_box_falls_with_g() -> None:
-    scene = make(control_hz=50.0)
-    begin = start(scene, 0.70, 0.85)
-    scene.reset(_box_under(scene, begin))
-    play(scene, "grip", 1.0, 40)
-    assert scene.facts().holding
-    play(scene, "armz", 1.0, 75)
-    assert scene.facts().holding
-    heights = [float(play(scene, "grip", -1.0, 1).object_position[2]) for _ in range(14)]
-    falls = np.diff(heights, 2)[-4:]
-    assert np.allclose(falls, -9.81 * scene.spec.control_dt**2, rtol=0.03), falls
 
 
 def _box_under(scene: Scene, facts: Facts) -> Layout:
