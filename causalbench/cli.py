@@ -177,7 +177,7 @@ def check(
 
     results = run_checks(installed().backend(backend), _options(option or ()))
     if as_json:
-        rows = [vars(result) for result in results]
+        rows = list(map(vars, results))
         _print_json({"backend": backend, "checks": rows})
     else:
         rows = print_checks(backend, map(vars, results))

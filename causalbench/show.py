@@ -112,7 +112,7 @@ def print_backends(plugins: Plugins) -> None:
     _print(table)
 
 
-def print_checks(backend: str, results: Iterable[Row]) -> list[Row]:
+def print_checks(backend: str, results: Iterable[dict[str, Any]]) -> list[dict[str, Any]]:
     """One row per line of the contract, in colour, and a summary; the rows, for the caller."""
     colours = {"pass": "green", "fail": "red", "known gap": "yellow", "not applicable": "dim"}
     table = Table("", "contract", "outcome", "message", title=f"Conformance of {backend}", title_justify="left")
@@ -139,5 +139,5 @@ def _print(content: Table | str) -> None:
     console = Console()
     if not console.is_terminal:
         # A pipe has no width: do not fold what a program or a grep reads.
-        console = Console(width=200)
+        console = Console(width=1000)
     console.print(content, highlight=False, soft_wrap=isinstance(content, str), markup=not isinstance(content, str))

@@ -195,11 +195,6 @@ def row(facts: Facts) -> Array:
     return np.concatenate([np.ravel(getattr(facts, name)).astype(np.float64) for name in FIELDS])
 
 
-def same(a: Facts, b: Facts) -> bool:
-    """Whether two facts are equal to the bit."""
-    return np.array_equal(row(a), row(b))
-
-
 def walk(scene: Scene, seed: int, count: int = 15, size: float = 1.0, grip: bool = True) -> Array:
     """Facts (count, n) under random actions in [-size, size]; without `grip` the gripper is left alone."""
     rng, rows = np.random.default_rng(seed), []

@@ -116,7 +116,7 @@ def check_gaps(gaps: Mapping[str, str]) -> None:
 
 
 def run_check(check: Check, bench: Bench) -> Result:
-    """Run one check against the bench's backend, whose known gaps turn a failure into a gap, and a pass into a failure."""
+    """Run one check; a known gap of the backend turns a failure into a gap, and anything else into a failure."""
     started = time.perf_counter()
     gap = bench.backend.known_gaps.get(check.number)
     missing = check.missing(bench.spec)

@@ -16,14 +16,15 @@ def _solve(scene: Scene) -> str:
     columns = [scene.spec.actions.index(name) for name in TASK.actions]
     facts, action = scene.facts(), np.zeros(len(scene.spec.actions))
     for _ in range(TASK.horizon):
-        stage = TASK.stage(facts)
+        before = TASK.stage(facts)
         action[columns] = TASK.expert(facts, scene.spec)
         scene.step(action)
         facts = scene.facts()
-        if TASK.success(stage, facts):
+        if TASK.success(before, facts):
             return ""
     offset = facts.eef_position - facts.object_position
-    return f"after {TASK.horizon} steps it is in stage {int(TASK.stage(facts))}, the hand {np.round(offset, 3)} m off the box"
+    stage = int(TASK.stage(facts))
+    return f"after {TASK.horizon} steps it is in stage {stage}, the hand {np.round(offset, 3)} m off the box"
 
 
 def s38_expert(bench: Bench) -> None:

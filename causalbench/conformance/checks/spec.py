@@ -62,7 +62,10 @@ def s04_time(bench: Bench) -> None:
 
 
 def s05_capabilities(bench: Bench) -> None:
-    """S5. Capabilities are known, those that the plugin registers, and truthful: no base action without "mobile_base"."""
+    """S5. Capabilities are known ones, the same that the plugin registers, and truthful.
+
+    The base actions and "mobile_base" go together; `render` and `lidar` raise without "rgb" and "lidar".
+    """
     spec = bench.spec
     unknown = sorted(spec.capabilities - CAPABILITIES)
     expect(not unknown, f"unknown capabilities {unknown}; known: {', '.join(sorted(CAPABILITIES))}")
