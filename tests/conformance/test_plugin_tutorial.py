@@ -19,12 +19,11 @@ OUTCOMES = {"pass": 37, "not applicable": 2}
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The tutorial's files, and in `site` the plugin as pip installs it."""
     folder = tmp_path_factory.mktemp("floating")
-    blocks = re.findall(
-        r"^`([\w.]+)`:\n\n```\w+\n(.*?)^```", (DOCS / "plugins.md").read_text(), re.MULTILINE | re.DOTALL
-    )
+    text = (DOCS / "plugins.md").read_text()
+    blocks = re.findall(r"^`([\w.]+)`:\n\n```\w+\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
     assert [name for name, _ in blocks] == ["pyproject.toml", "causalbench_floating.py", "test_floating.py"]
-    for name, text in blocks:
-        (folder / name).write_text(text)
+    for name, content in blocks:
+        (folder / name).write_text(content)
     options = ["--quiet", "--no-deps", "--no-index", "--no-build-isolation", "--disable-pip-version-check"]
     pip = [sys.executable, "-m", "pip", "install", *options, "--target", str(folder / "site"), str(folder)]
     subprocess.run(pip, check=True, capture_output=True, text=True)
