@@ -128,14 +128,18 @@ def discover(
     task: Annotated[str, typer.Option(help="What for.")] = "pure_manipulation",
     preset: Annotated[str, typer.Option(help="Named settings: quick or paper.")] = "quick",
     seed: Annotated[int, typer.Option(min=0)] = 0,
+    oracle: Annotated[bool, typer.Option("--oracle", help="Score it against counterfactuals from snapshots.")] = False,
     out: Annotated[Path | None, typer.Option(help="Folder for graph.json and kl.csv.")] = None,
 ) -> None:
     """Discover the causal graph of a task, print it beside its KL values, and write graph.json and kl.csv."""
     from causalbench.run.alone import discover_alone
-    from causalbench.show import print_graph
+    from causalbench.show import print_graph, print_oracle
 
     folder = out or Path("runs") / f"discover-{task}-{backend}-{preset}-s{seed}"
-    print_graph(discover_alone(task, backend, preset, seed, folder), folder)
+    graph, truth = discover_alone(task, backend, preset, seed, oracle, folder)
+    print_graph(graph, folder)
+    if truth is not None:
+        print_oracle(graph, truth)
 
 
 @app.command()
@@ -199,6 +203,21 @@ def _options(given: Iterable[str]) -> dict[str, Any]:
         except ValueError:
             options[name] = value
     return options
+
+
+@app.command()
+def doctor(jobs: Jobs = None) -> None:
+    """Try every simulator and look for what makes runs fail or crawl; exit code 1 if anything needs mending."""
+    from causalbench.plugins import installed
+    from causalbench.run.doctor import examine
+    from causalbench.show import print_finding
+
+    found = []
+    for finding in examine(installed(), jobs or _cores()):
+        print_finding(finding)
+        found.append(finding.ok)
+    if not all(found):
+        raise typer.Exit(EXIT_FAILED)
 
 
 def _plan(

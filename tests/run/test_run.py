@@ -42,6 +42,19 @@ def test_a_finished_run_has_every_file_of_the_layout(finished_run: Path) -> None
     assert [{p.name for p in cell.iterdir()} for cell in (finished_run / "discovery").iterdir()] == [discovery]
 
 
+def test_a_tiny_suite_runs_on_every_simulator(
+    backends: tuple[str, ...], tiny_suite: Path, command: list[str], tmp_path: Path
+) -> None:
+    suite = tmp_path / "tiny.yaml"
+    suite.write_text(tiny_suite.read_text().replace("backends: [kinematic]", f"backends: [{', '.join(backends)}]"))
+    done = subprocess.run([*command, *arguments(suite, tmp_path / "run")], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    found = [(row["backend"], row["method"]) for row in rows(tmp_path / "run" / "results.csv")]
+    assert sorted(found) == sorted((b, m) for b in backends for m in ("cmSAC", "mSAC"))
+    hashes = {row["graph"] for row in rows(tmp_path / "run" / "results.csv") if row["method"] == "cmSAC"}
+    assert len(hashes) == len(backends)  # each backend's learner used the graph that was discovered there
+
+
 def test_results_have_the_columns_of_the_contract_and_agree_with_the_curves(finished_run: Path) -> None:
     header = (finished_run / "results.csv").read_text().splitlines()[0]
     assert header == (

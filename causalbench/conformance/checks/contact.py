@@ -45,6 +45,7 @@ def s26_holding(bench: Bench) -> None:
         start(scene, seed, 4)
         expect(not act(scene, 2).holding, "holding is true while the open hand is around the box")
         grasp(scene, seed)
+        act(scene, steps(scene, 2.0), grip=1.0)  # squeezing must wind nothing up
         expect(not act(scene, steps(scene, 1.0), grip=-1.0).holding, "holding is still true after a second of opening")
     clear_start(scene)
     expect(not act(scene, steps(scene, 1.5), grip=1.0).holding, "holding is true for a hand closed on nothing")

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from causalbench.core import rotations
+from causalbench.core.broadcast import broadcast
 from causalbench.core.layout import Box, Layout, Workspace
-from causalbench.core.rotations import components
 from causalbench.core.scene import Facts, SceneSpec
 from causalbench.core.tasks.stages import active_terms
 from causalbench.core.tasks.task import CausalSets, Task, Term
@@ -69,6 +69,7 @@ BASE_YAW = math.pi / 2
 BASE_QUATERNION = np.array([math.cos(BASE_YAW / 2), 0.0, 0.0, math.sin(BASE_YAW / 2)])
 FACE_DOWN = np.array([0.0, 0.0, 1.0, 0.0])
 """Target posture in the base frame: approach axis down, finger closing axis along base y."""
+STATE_TEMPLATE = np.concatenate([np.zeros(11), FACE_DOWN])
 
 MANUAL_GRAPH: CausalSets = {
     stage: {term: frozenset(actions.split()) for term, actions in row.items()}
@@ -153,40 +154,53 @@ def state_bounds(workspace: Workspace) -> tuple[Array, Array]:
 
 def observe(facts: Facts) -> Array:
     """State variables (..., 15) of the paper's appendix, in the robot base frame; names in `STATE_NAMES`."""
-    base_x, base_y, yaw = components(facts.base_pose)
-    cos, sin = np.cos(yaw), np.sin(yaw)
-    rows = []
-    for position in (facts.object_position, facts.eef_position):
-        x, y, z = components(position)
-        x, y = x - base_x, y - base_y
-        rows += [cos * x + sin * y, cos * y - sin * x, z]
-    rows.append(rows[2] + HOVER)
-    w, x, y, z = components(facts.eef_quaternion)
-    cos, sin = np.cos(yaw / 2), np.sin(yaw / 2)
-    posture = cos * y - sin * x
+    return _observe(facts.eef_position, facts.eef_quaternion, facts.object_position, facts.base_pose, STATE_TEMPLATE)
+
+
+@broadcast("f8[:], f8[:], f8[:], f8[:], f8[:], f8[:]", "(p),(q),(p),(b),(s)->(s)")
+def _observe(hand: Array, posture: Array, box: Array, base: Array, template: Array, out: Array) -> None:
+    out[:] = template
+    cos, sin = math.cos(base[2]), math.sin(base[2])
+    for column, point in ((0, box), (3, hand)):
+        x, y = point[0] - base[0], point[1] - base[1]
+        out[column] = cos * x + sin * y
+        out[column + 1] = cos * y - sin * x
+        out[column + 2] = point[2]
+    out[6] = box[2] + HOVER
+    cos, sin = math.cos(base[2] / 2), math.sin(base[2] / 2)
+    w, x, y, z = posture
     # The sign that is nearest to the target: with w >= 0 the posture would jump at the target itself.
-    sign = np.where(posture < 0, -1.0, 1.0)
-    rows += [sign * (cos * w + sin * z), sign * (cos * x + sin * y), sign * posture, sign * (cos * z - sin * w)]
-    zero = 0.0 * yaw
-    return np.array(rows + [component + zero for component in FACE_DOWN]).T
+    sign = -1.0 if cos * y - sin * x < 0.0 else 1.0
+    out[7] = sign * (cos * w + sin * z)
+    out[8] = sign * (cos * x + sin * y)
+    out[9] = sign * (cos * y - sin * x)
+    out[10] = sign * (cos * z - sin * w)
 
 
 def tilt(facts: Facts) -> Array:
     """Angle (...) in radians between the approach axis and straight down."""
-    _, x, y, _ = components(facts.eef_quaternion)
-    return np.arccos(np.minimum(2 * (x * x + y * y) - 1, 1.0))
+    return _tilt(facts.eef_quaternion)
+
+
+@broadcast("f8[:], f8[:]", "(q)->()")
+def _tilt(posture: Array, out: Array) -> None:
+    out[0] = math.acos(min(2.0 * (posture[1] ** 2 + posture[2] ** 2) - 1.0, 1.0))
 
 
 def stage(facts: Facts) -> NDArray[np.int64]:
     """U(s), int (...), 1 to 4: a memoryless function of the relative pose, so that progress can reverse."""
-    x, y, z = components(facts.eef_position - facts.object_position)
-    above = (abs(x) < TOLERANCE_XY) & (abs(y) < TOLERANCE_XY)
-    hovering = above & (abs(z - HOVER) < TOLERANCE_HOVER)
-    upright = above & (tilt(facts) < TOLERANCE_ORI)
-    lowering = upright & (z < HOVER + TOLERANCE_HOVER) & (z > GRASP_HEIGHT - TOLERANCE_GRASP)
-    at_box = upright & (abs(z - GRASP_HEIGHT) < TOLERANCE_GRASP)
-    # A hand at the box is also lowering, and one that is lowering is in stage 3 whether or not it hovers.
-    return np.int64(1) + (hovering | lowering) + lowering + at_box
+    return _stage(facts.eef_position, facts.object_position, tilt(facts))
+
+
+@broadcast("f8[:], f8[:], f8, i8[:]", "(p),(p),()->()")
+def _stage(hand: Array, box: Array, angle: float, out: Array) -> None:
+    x, y, z = hand[0] - box[0], hand[1] - box[1], hand[2] - box[2]
+    out[0] = 1
+    if abs(x) < TOLERANCE_XY and abs(y) < TOLERANCE_XY:
+        if abs(z - HOVER) < TOLERANCE_HOVER:
+            out[0] = 2
+        if angle < TOLERANCE_ORI and GRASP_HEIGHT - TOLERANCE_GRASP < z < HOVER + TOLERANCE_HOVER:
+            out[0] = 4 if abs(z - GRASP_HEIGHT) < TOLERANCE_GRASP else 3
 
 
 def success(stage: NDArray[np.int64], now: Facts) -> NDArray[np.bool_]:
@@ -198,23 +212,39 @@ def rewards(
     previous: Facts, stage: NDArray[np.int64], action: Array, now: Facts, next_stage: NDArray[np.int64]
 ) -> Array:
     """Reward vector (..., 9) of the step; terms outside `stage` = U(previous) are 0 (paper, Reward Setting)."""
-    x0, y0, z0 = components(previous.eef_position - previous.object_position)
-    x1, y1, z1 = components(now.eef_position - now.object_position)
-    done = success(stage, now)
-    terms = np.array(
-        [
-            DISTANCE_SCALE * (abs(x0) - abs(x1)),
-            DISTANCE_SCALE * (abs(y0) - abs(y1)),
-            DISTANCE_SCALE * (abs(z0 - HOVER) - abs(z1 - HOVER)),
-            ANGLE_SCALE * (tilt(previous) - tilt(now)),
-            DISTANCE_SCALE * (abs(z0 - GRASP_HEIGHT) - abs(z1 - GRASP_HEIGHT)),
-            GRASP * done + EARLY_CLOSE * ((stage < 4) & (action.T[6] > 0)),
-            COLLISION * now.collision_arm,
-            COLLISION * now.collision_self,
-            STAGE_BONUS * ((next_stage > stage) | done),
-        ]
-    ).T
-    return np.where(ACTIVE[stage], terms, 0.0)
+    return _rewards(
+        previous.eef_position - previous.object_position,
+        now.eef_position - now.object_position,
+        tilt(previous),
+        tilt(now),
+        stage,
+        next_stage,
+        action,
+        now.holding,
+        now.collision_arm,
+        now.collision_self,
+        ACTIVE[stage],
+    )
+
+
+@broadcast("f8[:], f8[:], f8, f8, i8, i8, f8[:], b1, b1, b1, b1[:], f8[:]", "(p),(p),(),(),(),(),(k),(),(),(),(t)->(t)")
+def _rewards(
+    before: Array, after: Array, tilt_before: float, tilt_after: float, stage: int, next_stage: int, action: Array,
+    holding: bool, collision_arm: bool, collision_self: bool, active: Array, out: Array,
+) -> None:  # fmt: skip
+    done = stage == 4 and holding
+    out[0] = DISTANCE_SCALE * (abs(before[0]) - abs(after[0]))
+    out[1] = DISTANCE_SCALE * (abs(before[1]) - abs(after[1]))
+    out[2] = DISTANCE_SCALE * (abs(before[2] - HOVER) - abs(after[2] - HOVER))
+    out[3] = ANGLE_SCALE * (tilt_before - tilt_after)
+    out[4] = DISTANCE_SCALE * (abs(before[2] - GRASP_HEIGHT) - abs(after[2] - GRASP_HEIGHT))
+    out[5] = GRASP if done else EARLY_CLOSE if stage < 4 and action[6] > 0.0 else 0.0
+    out[6] = COLLISION if collision_arm else 0.0
+    out[7] = COLLISION if collision_self else 0.0
+    out[8] = STAGE_BONUS if next_stage > stage or done else 0.0
+    for term in range(9):
+        if not active[term]:
+            out[term] = 0.0
 
 
 def expert(facts: Facts, spec: SceneSpec) -> Array:

@@ -1,0 +1,73 @@
+"""What the kinematic backend and `StageTaskEnv` cost: python benchmarks/kinematic_speed.py (about 20 s, one core).
+
+Rivals take turns (A B A B ...); figures are medians of turns. Needs an otherwise idle core.
+"""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from causalbench.core.env import StageTaskEnv, reset_worlds
+from causalbench.core.kinematic import KinematicBatch, KinematicScene
+from causalbench.core.tasks.pure_manipulation import TASK
+
+TURNS, STEPS, WORLDS = 15, 400, 256
+
+
+def timed(work: Callable[[], object]) -> float:
+    """Seconds that one call takes."""
+    start = time.perf_counter()
+    work()
+    return time.perf_counter() - start
+
+
+def single() -> tuple[float, float]:
+    """Median seconds per control step of the bare scene (step + facts) and of `StageTaskEnv`."""
+    env = StageTaskEnv(TASK, KinematicScene())
+    actions = np.random.default_rng(0).uniform(-0.1, 0.1, (STEPS, len(TASK.actions)))
+
+    def bare() -> None:
+        for action in actions:
+            env.scene.step(action)
+            env.scene.facts()
+
+    def whole() -> None:
+        for action in actions:
+            env.step(action)
+
+    turns = []
+    for seed in range(TURNS):
+        env.reset(seed=seed)
+        turns.append((timed(bare), timed(whole)))
+    bare_time, whole_time = (statistics.median(column) / STEPS for column in zip(*turns, strict=True))
+    return bare_time, whole_time
+
+
+def batched() -> float:
+    """Median seconds per world step of a batch (step + facts)."""
+    batch = KinematicBatch(WORLDS)
+    rng = np.random.default_rng(0)
+    reset_worlds(TASK, batch, range(WORLDS), [rng] * WORLDS)
+    actions = rng.uniform(-0.1, 0.1, (WORLDS, len(TASK.actions)))
+
+    def steps() -> None:
+        for _ in range(50):
+            batch.step(actions)
+            batch.facts()
+
+    return statistics.median(timed(steps) for _ in range(TURNS)) / (50 * WORLDS)
+
+
+def main() -> None:
+    """Print all comparisons."""
+    bare, whole = single()
+    print(f"single scene: {1 / bare:,.0f} steps/s; StageTaskEnv adds {1e6 * (whole - bare):.0f} us a step")
+    print(f"batch of {WORLDS}: {1 / batched():,.0f} steps/s")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,18 @@
+"""Scalar arithmetic of one world, compiled to broadcast over batches."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numba
+
+
+def broadcast(types: str, layout: str) -> Callable[[Callable[..., None]], Any]:
+    """A decorator that makes a generalized ufunc of a function that fills its last argument in place.
+
+    `types` are numba's, comma-separated, `layout` is the gufunc signature, e.g. "f8[:], i8[:]" and "(n)->()".
+    Tasks are judged at every control step: for one world the compiled call costs 3 microseconds where a dozen
+    numpy calls cost 30, and far more once physics has emptied the caches. Compiled once per machine, cached on disk.
+    """
+    return numba.guvectorize([f"void({types})"], layout, nopython=True, cache=True)  # type: ignore[no-untyped-call]
