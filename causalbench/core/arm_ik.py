@@ -15,6 +15,8 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from causalbench.core import rotations
+from causalbench.core.layout import Layout
 from causalbench.errors import UnreachableLayoutError
 
 Array = NDArray[np.float64]
@@ -257,6 +259,18 @@ def solve(chain: Chain, position: Array, rotation: Array, starts: Iterable[Array
             return q
         best = min(best, error)
     raise UnreachableLayoutError(f"the arm cannot take the pose at {position} (base frame): it stays {best:.2g} off")
+
+
+def reach(chain: Chain, layout: Layout, starts: Iterable[Array]) -> Array:
+    """Joint angles (n,) for the hand of `layout`, the chain being in the base frame; see `solve`."""
+    base = rotations.conjugate(rotations.from_axis_angle(2, layout.base_pose[2]))
+    origin = np.array([*layout.base_pose[:2], 0.0])
+    return solve(
+        chain,
+        rotations.rotate(base, layout.eef_position - origin),
+        rotations.matrix(rotations.multiply(base, layout.eef_quaternion)),
+        starts,
+    )
 
 
 def pose(chain: Chain, q: Array) -> tuple[Array, Array]:

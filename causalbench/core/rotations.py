@@ -81,3 +81,8 @@ def rotation_vector(q: Array) -> Array:
 def angle_between(a: Array, b: Array) -> Array:
     """Angle (...) in radians of the rotation that takes a to b."""
     return np.sqrt((rotation_vector(multiply(conjugate(a), b)) ** 2).sum(-1))
+
+
+def matrix(q: Array) -> Array:
+    """Rotation matrix (3, 3) of a unit quaternion (4,)."""
+    return np.column_stack([rotate(q, axis) for axis in np.eye(3)])

@@ -12,10 +12,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from causalbench.core import fetch
 from causalbench.core.arm_ik import Chain
 
-_JOINTS = ("shoulder_pan", "shoulder_lift", "upperarm_roll", "elbow_flex", "forearm_roll", "wrist_flex", "wrist_roll")
-ARM_JOINTS = tuple(f"robot0:{name}_joint" for name in _JOINTS)
+ARM_JOINTS = tuple(f"robot0:{name}_joint" for name in fetch.JOINTS)
 FINGERS = ("robot0:l_gripper_finger_link", "robot0:r_gripper_finger_link")
 FINGER_JOINTS = ("robot0:l_gripper_finger_joint", "robot0:r_gripper_finger_joint")
 BASE_JOINTS = ("robot0:slide0", "robot0:slide1", "robot0:slide2")
@@ -28,12 +28,8 @@ ARM_FORCE = (150.0, 150.0, 100.0, 100.0, 60.0, 60.0, 40.0)  # N m
 BASE_KP, BASE_KV = (1e6, 1e6, 2e5), (2.4e4, 2.4e4, 4e3)  # stiff enough to give way by under 0.1 mm
 FINGER_KP, FINGER_KV, FINGER_FORCE = 2000.0, 60.0, 60.0  # N / m, N s / m, N
 FINGER_RANGE = (-0.02, 0.05)  # m; a target below 0 presses on thin objects and closed fingers on each other
-FINGER_STROKE = 0.05  # m by which each finger opens
 
-TORSO_HEIGHT = 0.30  # m of torso lift
-HEAD_TILT = 0.6  # rad downwards
 ARM_LINKS = ("shoulder", "upperarm", "elbow", "forearm", "wrist", "grip")
-HULL_VERTICES = 64
 # Collision bits. The base mesh rests in the floor, which would hold it by friction: the two share no bit.
 BASE_BITS, FLOOR_BITS, ALL_BITS = 1, 2, 3
 
@@ -65,8 +61,8 @@ def build(timestep: float, n_fixtures: int) -> mujoco.MjModel:
 def _fix_head_and_torso(spec: mujoco.MjSpec) -> None:
     """No action moves them, so they cost no degrees of freedom."""
     torso = spec.body("robot0:torso_lift_link")
-    torso.pos = np.add(torso.pos, [0.0, 0.0, TORSO_HEIGHT])
-    spec.body("robot0:head_tilt_link").quat = [np.cos(HEAD_TILT / 2), 0.0, np.sin(HEAD_TILT / 2), 0.0]
+    torso.pos = np.add(torso.pos, [0.0, 0.0, fetch.TORSO_HEIGHT])
+    spec.body("robot0:head_tilt_link").quat = [np.cos(fetch.HEAD_TILT / 2), 0.0, np.sin(fetch.HEAD_TILT / 2), 0.0]
     for name in ("robot0:torso_lift_joint", "robot0:head_pan_joint", "robot0:head_tilt_joint"):
         spec.delete(spec.joint(name))
 
@@ -106,9 +102,8 @@ def _drive_arm(spec: mujoco.MjSpec) -> None:
         _servo(spec, name, kp, ARM_KV_PER_KP * kp, force)
     for body in _robot(spec):
         body.gravcomp = 1.0  # as a real arm's controller does
-    half = np.sqrt(0.5)
-    # Of the stock frame x is the approach axis; ours is z, with y, the closing axis, in common.
-    spec.body("robot0:gripper_link").add_site(name=EEF_SITE, pos=[0.02, 0.0, 0.0], quat=[half, 0.0, half, 0.0], group=4)
+    hand = spec.body("robot0:gripper_link")
+    hand.add_site(name=EEF_SITE, pos=fetch.EEF_POSITION, quat=fetch.EEF_QUATERNION, group=4)
 
 
 def _drive_fingers(spec: mujoco.MjSpec) -> None:
@@ -117,7 +112,7 @@ def _drive_fingers(spec: mujoco.MjSpec) -> None:
         # Stock fingers weigh 4 kg with 100 kg of armature: too slow to follow and too heavy for the wrist.
         _joint(spec, joint, damping=20.0, armature=1.0)
         body = spec.body(link)
-        body.mass, body.inertia, body.ipos = 0.06, [1e-4, 1e-4, 1e-4], [0.0, 0.0, 0.0]
+        body.mass, body.inertia, body.ipos = fetch.FINGER_MASS, [fetch.FINGER_INERTIA] * 3, [0.0, 0.0, 0.0]
         servo = _servo(spec, joint, FINGER_KP, FINGER_KV, FINGER_FORCE)
         servo.ctrllimited, servo.ctrlrange = True, list(FINGER_RANGE)
         spec.geom(link).friction = [1.5, 0.05, 0.001]
@@ -134,7 +129,7 @@ def is_arm(body_name: str) -> bool:
 
 def _shape_contacts(spec: mujoco.MjSpec) -> None:
     for mesh in spec.meshes:
-        mesh.maxhullvert = HULL_VERTICES
+        mesh.maxhullvert = fetch.HULL_VERTICES
     for body in _robot(spec):
         for geom in body.geoms:
             geom.contype = geom.conaffinity = ALL_BITS if is_arm(body.name) else BASE_BITS
@@ -161,12 +156,12 @@ def _furnish(spec: mujoco.MjSpec, n_fixtures: int) -> None:
 
 
 def _add_camera(spec: mujoco.MjSpec) -> None:
-    """The camera "scene": it sees the hand and the table when the base stands at the origin and faces world y."""
-    eye, at = np.array([1.3, 1.7, 1.35]), np.array([0.05, 0.5, 0.72])
+    """The camera "scene"."""
+    eye, at = np.array(fetch.CAMERA_EYE), np.array(fetch.CAMERA_AT)
     forward = (at - eye) / np.linalg.norm(at - eye)
     right = np.cross(forward, [0.0, 0.0, 1.0])
     right /= np.linalg.norm(right)
-    spec.worldbody.add_camera(name="scene", pos=eye, xyaxes=[*right, *np.cross(right, forward)], fovy=45.0)
+    spec.worldbody.add_camera(name="scene", pos=eye, xyaxes=[*right, *np.cross(right, forward)], fovy=fetch.CAMERA_FOV)
 
 
 def arm_chain(model: mujoco.MjModel) -> Chain:

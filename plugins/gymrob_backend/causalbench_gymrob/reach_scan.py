@@ -1,4 +1,4 @@
-"""Where Fetch can start: `python -m causalbench_gymrob.reach_scan` prints the scan that `WORKSPACE` was chosen from.
+"""Where Fetch can start: `python -m causalbench_gymrob.reach_scan` prints the scan behind Fetch's `WORKSPACE`.
 
 The rule: a box may stand wherever its hover pose (tilted or not) and its face-down grasp are all reachable. The hand
 starts clear of the box, as far out as leaves at least half of the tilted postures reachable on each face, and no
@@ -16,9 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from causalbench.core import arm_ik, rotations
+from causalbench.core.fetch import ACTIONS, ARM_STARTS, WORKSPACE
 from causalbench.core.tasks import pure_manipulation as task
 from causalbench.errors import UnreachableLayoutError
-from causalbench_gymrob.scene import ACTIONS, ARM_STARTS, WORKSPACE, GymrobScene, rotation_matrix
+from causalbench_gymrob.scene import GymrobScene
 from causalbench_gymrob.world import World
 
 Array = NDArray[np.float64]
@@ -35,7 +36,7 @@ FACE_DOWN = [(pitch, roll) for pitch in (-_SLANT, 0.0, _SLANT) for roll in (-_SL
 def posture(pitch: float, roll: float) -> Array:
     """Rotation matrix (3, 3) in the base frame of a hand that points `pitch` rad forward of straight down."""
     tilted = rotations.multiply(task.FACE_DOWN, rotations.from_axis_angle(1, -pitch))
-    return rotation_matrix(rotations.multiply(tilted, rotations.from_axis_angle(0, roll)))
+    return rotations.matrix(rotations.multiply(tilted, rotations.from_axis_angle(0, roll)))
 
 
 def joints(world: World, position: Iterable[float], pitch: float, roll: float) -> Array | None:

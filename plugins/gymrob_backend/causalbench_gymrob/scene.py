@@ -2,51 +2,29 @@
 
 from __future__ import annotations
 
-import math
 from importlib import metadata
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core import arm_ik, rotations
-from causalbench.core.layout import Layout, Workspace
+from causalbench.core import arm_ik, stepping
+from causalbench.core.fetch import ACTIONS, ARM_STARTS, FINGER_STROKE, WORKSPACE
+from causalbench.core.layout import Layout
 from causalbench.core.scene import ACTION_SPEED, Facts, Scene, SceneSpec, check_action
-from causalbench.errors import CausalbenchError, UnreachableLayoutError, UserError
-from causalbench_gymrob import __version__, control, reading, snapshot
-from causalbench_gymrob.model import FINGER_STROKE
+from causalbench.core.snapshots import SnapshotCodec
+from causalbench.errors import CausalbenchError
+from causalbench_gymrob import __version__, control, reading
 from causalbench_gymrob.world import World
 
 Array = NDArray[np.float64]
-
-ACTIONS = ("armx", "army", "armz", "armrx", "armry", "armrz", "grip")
-WORKSPACE = Workspace(
-    table_height=0.60,
-    object_low=(0.66, -0.15),
-    object_high=(0.74, 0.15),
-    hand_low=(0.65, -0.20, 0.75),
-    hand_high=(0.98, 0.20, 1.05),
-)
-"""Result of `python -m causalbench_gymrob.reach_scan`; see the README."""
-
-MAX_TARGET_DT = 0.025  # s between new servo targets: in larger strides joints reach the lead limit and the hand swerves
-SETTLE = 0.1  # s of simulation after a reset, for contacts to take their load
-SETTLE_POSITION, SETTLE_ANGLE = 1e-3, math.radians(0.5)  # how far a settled start may lie off its layout
-ARM_STARTS = tuple(
-    np.array([pan, *rest])
-    for rest in ((-0.8, 0.0, 1.9, 0.0, -0.5, 0.0), (-0.3, 0.0, 1.3, 0.0, 0.6, 0.0), (0.4, 0.0, 0.8, 0.0, 0.4, 0.0))
-    for pan in (0.0, -0.5, 0.5)
-)
-"""Joint angles (rad) from which a reset looks for its pose, elbow up, in this order."""
 
 
 class GymrobScene(Scene):
     """Fetch and one free box among fixtures. Holds the state after `mj_step1`: poses and contacts are fresh."""
 
     def __init__(self, control_hz: float = 10.0, timestep: float = 0.005) -> None:
-        self.substeps = round(1.0 / (control_hz * timestep))
-        if self.substeps < 1 or abs(self.substeps * timestep * control_hz - 1.0) > 1e-9:
-            raise UserError(f"one control step at {control_hz} Hz must be a whole number of timesteps of {timestep} s")
+        self.substeps = stepping.whole_substeps(control_hz, timestep)
         arm_ik.announce()
         self._world = World(timestep, n_fixtures=1)
         self.spec = SceneSpec(
@@ -63,8 +41,8 @@ class GymrobScene(Scene):
             timestep=timestep,
             capabilities=frozenset({"exact_restore", "physics", "rgb"}),
         )
-        self._digest = snapshot.spec_digest(self.spec)
-        self._parts = _parts(self.substeps, timestep)
+        self._codec = SnapshotCodec(self.spec)
+        self._parts = stepping.target_parts(self.substeps, timestep)
         self._part = self.substeps // self._parts  # substeps
         self._stride = np.array(self.spec.action_speed) * self._part * timestep
         self._layout: Layout | None = None
@@ -77,14 +55,7 @@ class GymrobScene(Scene):
         Raises `UnreachableLayoutError` when the arm cannot take the pose, or when the start is not at rest because
         things overlap.
         """
-        base = rotations.conjugate(rotations.from_axis_angle(2, layout.base_pose[2]))
-        origin = np.array([*layout.base_pose[:2], 0.0])
-        joints = arm_ik.solve(
-            self._world.chain,
-            rotations.rotate(base, layout.eef_position - origin),
-            rotation_matrix(rotations.multiply(base, layout.eef_quaternion)),
-            ARM_STARTS,
-        )
+        joints = arm_ik.reach(self._world.chain, layout, ARM_STARTS)
         self._enter(layout)
         world = self._world
         mujoco.mj_resetData(world.model, world.data)
@@ -98,10 +69,10 @@ class GymrobScene(Scene):
             world.ctrl[servo] = value
         world.qpos[world.free : world.free + 3] = layout.target.position
         world.qpos[world.free + 3 : world.free + 7] = layout.target.quaternion
-        mujoco.mj_step(world.model, world.data, max(1, round(SETTLE / self.spec.timestep)))
+        mujoco.mj_step(world.model, world.data, max(1, round(stepping.SETTLE / self.spec.timestep)))
         world.data.time = 0.0
         self._refresh()
-        self._check_settled(layout)
+        stepping.check_settled(self.facts(), layout)
 
     def step(self, action: Array) -> None:
         """Advance by one `spec.control_dt`; `action` (7,) in [-1, 1]. Raises `InvalidActionError`."""
@@ -139,12 +110,12 @@ class GymrobScene(Scene):
         """Layout, MuJoCo's integration state (servo targets included) and the pad forces."""
         if self._layout is None:
             raise CausalbenchError("call reset() before snapshot()")
-        return snapshot.pack(self._digest, self._layout, np.concatenate([self._pad_forces, self._world.save()]))
+        return self._codec.pack(self._layout, np.concatenate([self._pad_forces, self._world.save()]).tobytes())
 
-    def restore(self, snapshot_bytes: bytes) -> None:
+    def restore(self, snapshot: bytes) -> None:
         """Return to a snapshot, bit for bit. Raises `SnapshotError`."""
-        n_state = len(self._pad_forces) + len(self._world.state)
-        layout, state = snapshot.unpack(self._digest, snapshot_bytes, n_state)
+        layout, packed = self._codec.unpack(snapshot)
+        state = np.frombuffer(packed).copy()  # MuJoCo takes no read-only memory
         self._enter(layout)
         self._world.load(state[2:])
         self._pad_forces[:] = state[:2]
@@ -192,29 +163,3 @@ class GymrobScene(Scene):
         contact = data.contact
         reading.pad_forces(contact.geom, contact.efc_address, data.efc_force, world.classes, self._pad_forces)
         mujoco.mj_step1(world.model, data)
-
-    def _check_settled(self, layout: Layout) -> None:
-        facts = self.facts()
-        off = max(
-            np.abs(facts.eef_position - layout.eef_position).max(),
-            np.abs(facts.object_position - layout.target.position).max(),
-        )
-        turned = max(
-            float(rotations.angle_between(facts.eef_quaternion, layout.eef_quaternion)),
-            float(rotations.angle_between(facts.object_quaternion, layout.target.quaternion)),
-        )
-        if off > SETTLE_POSITION or turned > SETTLE_ANGLE:
-            raise UnreachableLayoutError(
-                f"the start does not stay where the layout puts it: it moves by {off:.2g} m and {turned:.2g} rad"
-            )
-
-
-def _parts(substeps: int, timestep: float) -> int:
-    """Into how many equal parts of whole substeps a control step falls so that none exceeds `MAX_TARGET_DT`."""
-    divisors = (parts for parts in range(1, substeps) if substeps % parts == 0)
-    return next((parts for parts in divisors if substeps // parts * timestep <= MAX_TARGET_DT + 1e-9), substeps)
-
-
-def rotation_matrix(quaternion: Array) -> Array:
-    """Rotation matrix (3, 3) of a unit quaternion (4,)."""
-    return np.column_stack([rotations.rotate(quaternion, axis) for axis in np.eye(3)])

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from causalbench.core import arm_ik
+from causalbench.core.fetch import ARM_STARTS
 from causalbench.errors import UnreachableLayoutError
 from causalbench_gymrob import model as fetch
-from causalbench_gymrob.scene import ARM_STARTS
 from causalbench_gymrob.world import World
 
 

@@ -1,0 +1,59 @@
+"""What is read out of Bullet after a control step: poses in the project's convention and what touches what."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from causalbench_pybullet.engine import pb
+from causalbench_pybullet.robot import Robot
+from causalbench_pybullet.world import World
+
+Array = NDArray[np.float64]
+
+HOLDING_FORCE = 5.0  # N of each pad on the object: two and a half times the weight of the task's box
+_BODY_B, _LINK_A, _DISTANCE, _FORCE = 2, 3, 8, 9  # places in Bullet's contact points
+
+
+def read_contacts(world: World) -> tuple[bool, bool, bool]:
+    """Whether the arm touches a thing, the robot itself, and whether both pads press on the object.
+
+    Contacts count that bear force or overlap; Bullet also reports those that are about to be. Touching the object is
+    no collision.
+    """
+    arm = itself = False
+    forces = dict.fromkeys(world.fingers, 0.0)
+    for point in world.contacts():
+        other, link, force = point[_BODY_B], point[_LINK_A], point[_FORCE]
+        if other == world.object:
+            if link in forces:
+                forces[link] += force
+        elif force > 0.0 or point[_DISTANCE] <= 0.0:
+            if other == world.robot:
+                itself = True
+            else:
+                arm = True
+    return arm, itself, min(forces.values()) > HOLDING_FORCE
+
+
+def canonical_wxyz(quaternion: Any) -> tuple[float, float, float, float]:
+    """Bullet's quaternion (x, y, z, w) in the project's order, with unit length and w >= 0."""
+    x, y, z, w = quaternion
+    scale = math.copysign(1.0 / math.sqrt(w * w + x * x + y * y + z * z), w)
+    return w * scale, x * scale, y * scale, z * scale
+
+
+def read_poses(world: World, robot: Robot) -> Array:
+    """Hand pose 3 + 4 and object pose 3 + 4 in the world, and the gripper's opening in metres (15,)."""
+    position, quaternion = pb.multiplyTransforms(*world.hand(), robot.hand_position, robot.hand_quaternion)
+    object_position, object_quaternion = world.object_pose()
+    left, right = world.finger_positions()
+    return np.array(
+        (
+            *position, *canonical_wxyz(quaternion), *object_position, *canonical_wxyz(object_quaternion),
+            left + right + robot.gap,
+        )
+    )  # fmt: skip
