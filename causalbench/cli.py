@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Iterable
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -165,6 +166,43 @@ def backends() -> None:
     from causalbench.show import print_backends
 
     print_backends(installed())
+
+
+@app.command()
+def check(
+    backend: Annotated[str, typer.Argument(help="Registered name, such as kinematic.")],
+    option: Annotated[list[str] | None, typer.Option(help="Option of the backend: name=value (repeatable).")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Check a backend against the numbered contract of docs/conformance.md."""
+    from causalbench.conformance.suite import FAIL, run_checks
+    from causalbench.plugins import installed
+    from causalbench.show import print_checks
+
+    results = run_checks(installed().backend(backend), _options(option or ()))
+    if as_json:
+        rows = list(map(vars, results))
+        _print_json({"backend": backend, "checks": rows})
+    else:
+        rows = print_checks(backend, map(vars, results))
+    if any(row["outcome"] == FAIL for row in rows):
+        raise typer.Exit(EXIT_FAILED)
+
+
+def _options(given: Iterable[str]) -> dict[str, Any]:
+    """`["timestep=0.002"]` as keyword arguments; a value that is no number, true or false stays a string."""
+    import json
+
+    options = {}
+    for text in given:
+        name, equals, value = text.partition("=")
+        if not name or not equals:
+            raise UserError(f"--option {text!r}: expected name=value, such as control_hz=20")
+        try:
+            options[name] = json.loads(value)
+        except ValueError:
+            options[name] = value
+    return options
 
 
 @app.command()

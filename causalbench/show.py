@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -118,15 +118,37 @@ def _edge(graph: StageGraph, row: int, column: int) -> str:
 
 def print_backends(plugins: Plugins) -> None:
     """One row per backend and one per plugin that could not be loaded."""
-    table = Table("backend", "engine", "robot", "plugin", "version", "state")
+    table = Table("backend", "engine", "robot", "plugin", "version", "capabilities", "known gaps", "state")
     for name, backend in sorted(plugins.backends.items()):
         owner = plugins.owners[name]
-        state = escape(plugins.problem(name)) or "ok"
-        table.add_row(name, backend.engine, backend.robot, owner.distribution, owner.version, state)
+        state = plugins.problem(name) or "ok"
+        gaps = "; ".join(f"{number}: {reason}" for number, reason in backend.known_gaps.items()) or "none"
+        can = ", ".join(sorted(backend.capabilities)) or "none"
+        cells = (name, backend.engine, backend.robot, owner.distribution, owner.version, can, gaps, state)
+        table.add_row(*map(escape, cells))
     for row in plugins.rows:
         if row.error:
-            table.add_row("-", "", "", row.distribution, row.version, f"could not be loaded: {escape(row.error)}")
+            table.add_row(
+                "-", "", "", row.distribution, row.version, "", "", f"could not be loaded: {escape(row.error)}"
+            )
     _print(table)
+
+
+def print_checks(backend: str, results: Iterable[dict[str, Any]]) -> list[dict[str, Any]]:
+    """One row per line of the contract, in colour, and a summary; the rows, for the caller."""
+    colours = {"pass": "green", "fail": "red", "known gap": "yellow", "not applicable": "dim"}
+    table = Table("", "contract", "outcome", "message", title=f"Conformance of {backend}", title_justify="left")
+    rows = []
+    with progress_console().status(f"checking {backend}"):
+        for row in results:
+            rows.append(row)
+            outcome = f"[{colours[row['outcome']]}]{row['outcome']}[/]"
+            table.add_row(row["number"], escape(row["sentence"]), outcome, escape(row["message"]))
+    _print(table)
+    counts = {outcome: sum(row["outcome"] == outcome for row in rows) for outcome in colours}
+    seconds = sum(row["seconds"] for row in rows)
+    _print(", ".join(f"{outcome}: {count}" for outcome, count in counts.items()) + f" ({seconds:.0f} s)")
+    return rows
 
 
 def print_finding(finding: Finding) -> None:
@@ -146,5 +168,5 @@ def _print(content: Table | str) -> None:
     console = Console()
     if not console.is_terminal:
         # A pipe has no width: do not fold what a program or a grep reads.
-        console = Console(width=200)
+        console = Console(width=1000)
     console.print(content, highlight=False, soft_wrap=isinstance(content, str), markup=not isinstance(content, str))
