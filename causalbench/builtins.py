@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from causalbench.core.kinematic import SPEC
 from causalbench.core.kinematic import make as make_kinematic
 from causalbench.core.learners.methods import METHODS, Method
 from causalbench.core.tasks.pure_manipulation import TASK as PURE_MANIPULATION
@@ -16,7 +17,9 @@ TASKS = (PURE_MANIPULATION,)
 @hookimpl
 def causalbench_backends(register: Callable[[Backend], None]) -> None:
     """The numpy reference backend; not physics."""
-    register(Backend("kinematic", make_kinematic, engine="numpy, not physics", robot="floating hand"))
+    register(
+        Backend("kinematic", make_kinematic, "numpy, not physics", "floating hand", capabilities=SPEC.capabilities)
+    )
 
 
 @hookimpl

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Iterable
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -127,14 +128,18 @@ def discover(
     task: Annotated[str, typer.Option(help="What for.")] = "pure_manipulation",
     preset: Annotated[str, typer.Option(help="Named settings: quick or paper.")] = "quick",
     seed: Annotated[int, typer.Option(min=0)] = 0,
+    oracle: Annotated[bool, typer.Option("--oracle", help="Score it against counterfactuals from snapshots.")] = False,
     out: Annotated[Path | None, typer.Option(help="Folder for graph.json and kl.csv.")] = None,
 ) -> None:
     """Discover the causal graph of a task, print it beside its KL values, and write graph.json and kl.csv."""
     from causalbench.run.alone import discover_alone
-    from causalbench.show import print_graph
+    from causalbench.show import print_graph, print_oracle
 
     folder = out or Path("runs") / f"discover-{task}-{backend}-{preset}-s{seed}"
-    print_graph(discover_alone(task, backend, preset, seed, folder), folder)
+    graph, truth = discover_alone(task, backend, preset, seed, oracle, folder)
+    print_graph(graph, folder)
+    if truth is not None:
+        print_oracle(graph, truth)
 
 
 @app.command()
@@ -161,6 +166,58 @@ def backends() -> None:
     from causalbench.show import print_backends
 
     print_backends(installed())
+
+
+@app.command()
+def check(
+    backend: Annotated[str, typer.Argument(help="Registered name, such as kinematic.")],
+    option: Annotated[list[str] | None, typer.Option(help="Option of the backend: name=value (repeatable).")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Check a backend against the numbered contract of docs/conformance.md."""
+    from causalbench.conformance.suite import FAIL, run_checks
+    from causalbench.plugins import installed
+    from causalbench.show import print_checks
+
+    results = run_checks(installed().backend(backend), _options(option or ()))
+    if as_json:
+        rows = list(map(vars, results))
+        _print_json({"backend": backend, "checks": rows})
+    else:
+        rows = print_checks(backend, map(vars, results))
+    if any(row["outcome"] == FAIL for row in rows):
+        raise typer.Exit(EXIT_FAILED)
+
+
+def _options(given: Iterable[str]) -> dict[str, Any]:
+    """`["timestep=0.002"]` as keyword arguments; a value that is no number, true or false stays a string."""
+    import json
+
+    options = {}
+    for text in given:
+        name, equals, value = text.partition("=")
+        if not name or not equals:
+            raise UserError(f"--option {text!r}: expected name=value, such as control_hz=20")
+        try:
+            options[name] = json.loads(value)
+        except ValueError:
+            options[name] = value
+    return options
+
+
+@app.command()
+def doctor(jobs: Jobs = None) -> None:
+    """Try every simulator and look for what makes runs fail or crawl; exit code 1 if anything needs mending."""
+    from causalbench.plugins import installed
+    from causalbench.run.doctor import examine
+    from causalbench.show import print_finding
+
+    found = []
+    for finding in examine(installed(), jobs or _cores()):
+        print_finding(finding)
+        found.append(finding.ok)
+    if not all(found):
+        raise typer.Exit(EXIT_FAILED)
 
 
 def _plan(

@@ -6,8 +6,8 @@ functions decorated by `hookimpl`. Importing that module must not import a simul
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import pluggy
@@ -26,7 +26,9 @@ class Backend:
     """What `causalbench_backends` registers.
 
     `make(**options)` imports the simulator and returns a new scene; `engine` and `robot` are for people;
-    `modules` are the imports that the simulator needs, so that a missing one is named without importing it.
+    `modules` are the imports that the simulator needs, so that a missing one is named without importing it;
+    `capabilities` are those of its scenes' specs, so that they can be listed without making one;
+    `known_gaps` are lines of the contract (docs/conformance.md) that do not hold, with the reason: `{"S21": "..."}`.
     """
 
     name: str
@@ -34,6 +36,8 @@ class Backend:
     engine: str
     robot: str
     modules: tuple[str, ...] = ()
+    capabilities: frozenset[str] = frozenset()
+    known_gaps: Mapping[str, str] = field(default_factory=dict)
 
 
 @hookspec

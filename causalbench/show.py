@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.markup import escape
@@ -12,7 +12,11 @@ from rich.table import Table
 
 from causalbench.core.discovery.graph import CausalGraph, StageGraph
 from causalbench.plugins import Plugins
+from causalbench.run.doctor import Finding
 from causalbench.store.cells import Status
+
+if TYPE_CHECKING:
+    from causalbench.core.discovery.oracle import StageTruth
 
 Row = Mapping[str, Any]
 
@@ -75,6 +79,24 @@ def print_graph(graph: CausalGraph, folder: Path) -> None:
     _print(f"Causal graph {graph.hash}, {graph.env_steps} environment steps; written to {folder}")
 
 
+def print_oracle(graph: CausalGraph, truth: Sequence[StageTruth]) -> None:
+    """Every edge that is there or was selected, with its effect and grade, then the scores."""
+    from causalbench.core.discovery.tables import oracle_table, score_table
+
+    edges = Table("stage", "reward", "action", "effect", "interval", "grade", "selected", title="Oracle")
+    for row in oracle_table(graph, truth).to_dict("records"):
+        if row["grade"] != "absent" or row["selected"]:
+            interval = escape(f"[{row['effect_low']:.4f}, {row['effect_high']:.4f}]")
+            named = (str(row[key]) for key in ("stage", "reward", "action"))
+            edges.add_row(*named, f"{row['effect']:.4f}", interval, row["grade"], "X" if row["selected"] else "")
+    _print(edges)
+    scores = Table("stage", "precision", "recall", "F1", "SHD", "F1, weak counted", title="Score on strong edges")
+    for row in score_table(graph, truth).to_dict("records"):
+        ratios = [f"{row[key]:.3f}" for key in ("precision", "recall", "f1")]
+        scores.add_row(str(row["stage"]), *ratios, str(row["shd"]), f"{row['f1_weak_present']:.3f}")
+    _print(scores)
+
+
 def _stage_table(graph: StageGraph) -> Table:
     causal = ", ".join(graph.causal_actions()) or "none"
     table = Table("action", title=f"Stage {graph.stage}: causal actions {causal}", title_justify="left")
@@ -96,15 +118,44 @@ def _edge(graph: StageGraph, row: int, column: int) -> str:
 
 def print_backends(plugins: Plugins) -> None:
     """One row per backend and one per plugin that could not be loaded."""
-    table = Table("backend", "engine", "robot", "plugin", "version", "state")
+    table = Table("backend", "engine", "robot", "plugin", "version", "capabilities", "known gaps", "state")
     for name, backend in sorted(plugins.backends.items()):
         owner = plugins.owners[name]
-        state = escape(plugins.problem(name)) or "ok"
-        table.add_row(name, backend.engine, backend.robot, owner.distribution, owner.version, state)
+        state = plugins.problem(name) or "ok"
+        gaps = "; ".join(f"{number}: {reason}" for number, reason in backend.known_gaps.items()) or "none"
+        can = ", ".join(sorted(backend.capabilities)) or "none"
+        cells = (name, backend.engine, backend.robot, owner.distribution, owner.version, can, gaps, state)
+        table.add_row(*map(escape, cells))
     for row in plugins.rows:
         if row.error:
-            table.add_row("-", "", "", row.distribution, row.version, f"could not be loaded: {escape(row.error)}")
+            table.add_row(
+                "-", "", "", row.distribution, row.version, "", "", f"could not be loaded: {escape(row.error)}"
+            )
     _print(table)
+
+
+def print_checks(backend: str, results: Iterable[dict[str, Any]]) -> list[dict[str, Any]]:
+    """One row per line of the contract, in colour, and a summary; the rows, for the caller."""
+    colours = {"pass": "green", "fail": "red", "known gap": "yellow", "not applicable": "dim"}
+    table = Table("", "contract", "outcome", "message", title=f"Conformance of {backend}", title_justify="left")
+    rows = []
+    with progress_console().status(f"checking {backend}"):
+        for row in results:
+            rows.append(row)
+            outcome = f"[{colours[row['outcome']]}]{row['outcome']}[/]"
+            table.add_row(row["number"], escape(row["sentence"]), outcome, escape(row["message"]))
+    _print(table)
+    counts = {outcome: sum(row["outcome"] == outcome for row in rows) for outcome in colours}
+    seconds = sum(row["seconds"] for row in rows)
+    _print(", ".join(f"{outcome}: {count}" for outcome, count in counts.items()) + f" ({seconds:.0f} s)")
+    return rows
+
+
+def print_finding(finding: Finding) -> None:
+    """One line of `doctor`, and one more with advice if something is wrong."""
+    _print(f"{'ok  ' if finding.ok else 'FAIL'}  {finding.subject}: {finding.text}")
+    if not finding.ok:
+        _print(f"      {finding.advice}")
 
 
 def _text(value: Any) -> str:
@@ -117,5 +168,5 @@ def _print(content: Table | str) -> None:
     console = Console()
     if not console.is_terminal:
         # A pipe has no width: do not fold what a program or a grep reads.
-        console = Console(width=200)
+        console = Console(width=1000)
     console.print(content, highlight=False, soft_wrap=isinstance(content, str), markup=not isinstance(content, str))

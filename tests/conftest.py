@@ -19,7 +19,7 @@ from causalbench.registration import make_env
 torch.set_num_threads(1)
 
 # Named, not looked up: a plugin or simulator that is not installed must fail here, never go missing.
-BACKENDS = ("kinematic", "gymrob", "robosuite")
+BACKENDS = ("kinematic", "gymrob", "pybullet", "robosuite")
 
 
 @pytest.fixture

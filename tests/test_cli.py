@@ -32,7 +32,7 @@ def test_help_names_every_command_and_imports_nothing_heavy() -> None:
     )
     text = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
     shown, _, modules = text.partition("MODULES")
-    for name in ("run", "plan", "discover", "leaderboard", "backends"):
+    for name in ("run", "plan", "discover", "leaderboard", "backends", "check"):
         assert f" {name} " in shown
     heavy = {"torch", "numpy", "pandas", "gymnasium", "pydantic", "yaml", "mujoco", "stable_baselines3"}
     assert heavy.isdisjoint(modules.split())

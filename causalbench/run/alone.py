@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.progress import Progress
@@ -12,10 +13,23 @@ from causalbench.core.discovery.settings import PRESETS
 from causalbench.errors import RunFolderError, UnknownNameError
 from causalbench.plugins import installed
 from causalbench.run.cell import use_one_thread, write_graph
+from causalbench.store.files import write_text
+
+if TYPE_CHECKING:
+    from causalbench.core.discovery.oracle import StageTruth
 
 
-def discover_alone(task: str, backend: str, preset: str, seed: int, folder: Path) -> CausalGraph:
-    """Discover in this process with progress on stderr, write `graph.json` and `kl.csv` into `folder`."""
+ORACLE_STATES = 400
+"""Visited states per stage that `--oracle` judges by."""
+
+
+def discover_alone(
+    task: str, backend: str, preset: str, seed: int, oracle: bool, folder: Path
+) -> tuple[CausalGraph, tuple[StageTruth, ...] | None]:
+    """Discover in this process with progress on stderr, write `graph.json` and `kl.csv` into `folder`.
+
+    With `oracle` also find the graded truth, and write `oracle.csv` and `score.csv`.
+    """
     if preset not in PRESETS:
         raise UnknownNameError("preset", preset, PRESETS)
     plugins = installed()
@@ -35,4 +49,17 @@ def discover_alone(task: str, backend: str, preset: str, seed: int, folder: Path
         )  # fmt: skip
         bar.update(line, completed=1.0, description="done")
     write_graph(folder, graph)
-    return graph
+    if not oracle:
+        return graph, None
+    from causalbench.core.discovery.oracle import consult_oracle
+    from causalbench.core.discovery.tables import oracle_table, score_table
+
+    with Progress(console=Console(stderr=True)) as bar:
+        line = bar.add_task("oracle", total=1.0)
+        truth = consult_oracle(
+            chosen_task, make_scene, ORACLE_STATES, seed,
+            lambda share, text: bar.update(line, completed=share, description=text),
+        )  # fmt: skip
+    for name, table in (("oracle.csv", oracle_table(graph, truth)), ("score.csv", score_table(graph, truth))):
+        write_text(folder / name, table.to_csv(index=False, lineterminator="\n"))
+    return graph, truth

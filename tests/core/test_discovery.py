@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import torch
 from toy import make_toy, toy_task
+from truth import TRUTH
 
 from causalbench.core.discovery.collect import collect
 from causalbench.core.discovery.divergence import divergence, gaussian_kl
@@ -156,15 +157,6 @@ def test_paper_preset_has_the_papers_numbers():
     paper = PRESETS["paper"]
     assert (paper.training_count, paper.batch_size, paper.learning_rate, paper.max_epochs) == (5000, 32, 5e-4, 100)
     assert (paper.epsilon_cv, paper.epsilon_normalize, paper.epsilon_direct) == (1.0, 0.1, 0.01)
-
-
-TRUTH = {
-    1: {"r_eefx": {"army"}, "r_eefy": {"armx"}, "r_eefz1": {"armx", "armz"}, "r_gripper": {"grip"}},
-    2: {"r_ori": {"armrx", "armry"}, "r_gripper": {"grip"}},
-    3: {"r_eefz2": {"armz"}, "r_gripper": {"grip"}},
-    4: {"r_gripper": {"grip"}},
-}
-"""What kinematic.py derives in closed form."""
 
 
 @pytest.mark.long

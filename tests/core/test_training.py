@@ -178,12 +178,25 @@ class _Expert(StagedPolicy):
 
 def test_evaluation_of_the_expert_is_perfect(make_pure):
     env = make_pure()
-    found = evaluate(_Expert(env), env, episodes=5, env_steps=7, hold=True)
+    found = evaluate(_Expert(env), env, episodes=5, env_steps=7)
     assert (found.env_steps, found.success_deterministic, found.success_sampled, found.held_rate) == (7, 1.0, 1.0, 1.0)
     assert found.mean_final_stage == 5.0
     assert found.term_returns["r_gripper"] == 5.0
     assert found.term_returns["r_collision_arm"] == 0.0
-    assert evaluate(_Expert(env), env, 2, 0, hold=False).held_rate is None
+
+
+class _Idle(_Expert):
+    """Does nothing, and so never succeeds."""
+
+    def predict(self, observation, state=None, episode_start=None, deterministic=True):
+        return np.zeros(7, dtype=np.float32), state
+
+
+def test_without_success_there_is_no_held_rate():
+    env = StageTaskEnv(TASK, KinematicScene())
+    found = evaluate(_Idle(env), env, episodes=2, env_steps=0)
+    assert (found.success_deterministic, found.held_rate, found.mean_final_stage) == (0.0, None, 1.0)
+    assert found.mean_length == TASK.horizon
 
 
 def test_policy_round_trip_and_sb3s_own_evaluation(tmp_path):

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from causalbench.core.discovery.graph import CausalGraph
+from causalbench.core.discovery.oracle import StageTruth
+from causalbench.core.discovery.score import Score, score_graph
 
 
 def kl_table(graph: CausalGraph) -> pd.DataFrame:
@@ -26,6 +30,48 @@ def used_kl(graph: CausalGraph, stage: int) -> NDArray[np.float64]:
     """(n_actions, n_terms) KL of one stage in the direction that Algorithm 2 saw."""
     name = {"forward": "kl", "reverse": "kl_reverse", "symmetric": "kl_symmetric"}
     return np.asarray(getattr(graph.stages[stage - 1], name[graph.provenance["settings"]["direction"]]))
+
+
+def oracle_table(graph: CausalGraph, truth: Sequence[StageTruth]) -> pd.DataFrame:
+    """One row per (stage, reward, action): effect with its interval, grade, and whether discovery selected it."""
+    rows = [
+        {
+            "stage": stage.stage,
+            "reward": term,
+            "action": action,
+            "effect": stage.effect[k, j],
+            "effect_low": stage.low[k, j],
+            "effect_high": stage.high[k, j],
+            "grade": grades[k][j].value,
+            "selected": bool(found.matrix[k, j]),
+        }
+        for found, stage in zip(graph.stages, truth, strict=True)
+        for grades in [stage.grades()]
+        for j, term in enumerate(stage.terms)
+        for k, action in enumerate(stage.actions)
+    ]
+    return pd.DataFrame(rows)
+
+
+def score_table(graph: CausalGraph, truth: Sequence[StageTruth]) -> pd.DataFrame:
+    """One row per stage and one for all: scores on absent and strong edges, and with weak edges counted as present."""
+    plain, with_weak = score_graph(graph, truth), score_graph(graph, truth, weak_is_present=True)
+    stages = [str(stage.stage) for stage in truth] + ["all"]
+    nothing = Score(0, 0, 0)
+    rows = [
+        {
+            "stage": name,
+            "precision": score.precision,
+            "recall": score.recall,
+            "f1": score.f1,
+            "shd": score.shd,
+            "f1_weak_present": weak.f1,
+        }
+        for name, score, weak in zip(
+            stages, [*plain, sum(plain, nothing)], [*with_weak, sum(with_weak, nothing)], strict=True
+        )
+    ]
+    return pd.DataFrame(rows)
 
 
 def edge_table(graph: CausalGraph) -> pd.DataFrame:

@@ -27,21 +27,21 @@ class _Outcome:
     returns: NDArray[np.float64]  # (n_terms,)
 
 
-def evaluate(policy: StagedPolicy, env: StageTaskEnv, episodes: int, env_steps: int, hold: bool) -> Evaluation:
-    """`episodes` deterministic and as many sampled episodes; with `hold` every deterministic success is lifted.
+def evaluate(policy: StagedPolicy, env: StageTaskEnv, episodes: int, env_steps: int) -> Evaluation:
+    """`episodes` deterministic and as many sampled episodes; the box of every success is lifted and held.
 
     `env_steps` is the training step to report. The sampled episodes use the policy's own generator.
     """
-    certain = [_episode(policy, env, FIRST_SEED + i, True, hold) for i in range(episodes)]
-    sampled = [_episode(policy, env, FIRST_SEED + i, False, False) for i in range(episodes)]
-    successes = [outcome for outcome in certain if outcome.success]
+    certain = [_episode(policy, env, FIRST_SEED + i, True) for i in range(episodes)]
+    sampled = [_episode(policy, env, FIRST_SEED + i, False) for i in range(episodes)]
+    successes = [outcome for outcome in (*certain, *sampled) if outcome.success]
     returns = np.mean([outcome.returns for outcome in certain], axis=0)
     return Evaluation(
         env_steps=env_steps,
         episodes=episodes,
-        success_deterministic=len(successes) / episodes,
+        success_deterministic=float(np.mean([outcome.success for outcome in certain])),
         success_sampled=float(np.mean([outcome.success for outcome in sampled])),
-        held_rate=float(np.mean([outcome.held for outcome in successes])) if hold and successes else None,
+        held_rate=float(np.mean([outcome.held for outcome in successes])) if successes else None,
         reversals_per_episode=float(np.mean([outcome.reversals for outcome in certain])),
         mean_final_stage=float(np.mean([outcome.final_stage for outcome in certain])),
         mean_length=float(np.mean([outcome.length for outcome in certain])),
@@ -49,7 +49,7 @@ def evaluate(policy: StagedPolicy, env: StageTaskEnv, episodes: int, env_steps: 
     )
 
 
-def _episode(policy: StagedPolicy, env: StageTaskEnv, seed: int, deterministic: bool, hold: bool) -> _Outcome:
+def _episode(policy: StagedPolicy, env: StageTaskEnv, seed: int, deterministic: bool) -> _Outcome:
     obs, _ = env.reset(seed=seed, options={"stage": 1})
     returns, reversals, length = np.zeros(len(env.reward_names)), 0, 0
     over = False
@@ -63,5 +63,5 @@ def _episode(policy: StagedPolicy, env: StageTaskEnv, seed: int, deterministic: 
         over = terminated or truncated
     success = bool(info["is_success"])
     final_stage = env.task.n_stages + 1 if success else int(info["next_stage"])
-    held = hold and success and lift_and_hold(env.scene)
+    held = success and lift_and_hold(env.scene)
     return _Outcome(success, held, reversals, final_stage, length, returns)

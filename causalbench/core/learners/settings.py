@@ -32,7 +32,7 @@ class EvaluationSettings:
 
     every: int = 2_000  # env steps between evaluations
     episodes: int = 20  # per evaluation, deterministic and sampled each
-    final_episodes: int = 50  # after the last step; each success is lifted and held for 2 s
+    final_episodes: int = 50  # after the last step
 
 
 PRESETS = {

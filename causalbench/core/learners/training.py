@@ -108,7 +108,7 @@ def train(
     """Train `method` for `env_steps` control steps, all worlds together; deterministic in `seed`.
 
     `graph` is the discovered one where the method asks for it; the declared and the empty one are found here.
-    `on_evaluation` gets an evaluation every `evaluation.every` steps, the last one with the lift-and-hold test.
+    `on_evaluation` gets an evaluation every `evaluation.every` steps and one at the end.
     Raises `InvalidGraphError` for a missing or wrong graph and `DivergedError` for a loss that is not finite.
     """
     graph = _graph_of(task, method, graph)
@@ -134,7 +134,7 @@ def train(
                 final = taken >= env_steps
                 episodes = evaluation.final_episodes if final else evaluation.episodes
                 counter.counts.updates = {i: agent.updates for i, agent in enumerate(learner.agents, 1)}
-                on_evaluation(evaluate(learner.policy, judge_env, episodes, taken, hold=final), counter.counts)
+                on_evaluation(evaluate(learner.policy, judge_env, episodes, taken), counter.counts)
         return learner.policy, counter.counts
     finally:
         env.close()

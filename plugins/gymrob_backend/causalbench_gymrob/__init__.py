@@ -29,4 +29,5 @@ def make(control_hz: float = 10.0, timestep: float = 0.005) -> Scene:
 @hookimpl
 def causalbench_backends(register: Callable[[Backend], None]) -> None:
     """Register the backend "gymrob"."""
-    register(Backend("gymrob", make, "MuJoCo", "Fetch", ("mujoco", "gymnasium_robotics")))
+    modules, capabilities = ("mujoco", "gymnasium_robotics"), frozenset({"exact_restore", "physics", "rgb"})
+    register(Backend("gymrob", make, "MuJoCo", "Fetch", modules, capabilities))

@@ -1,4 +1,4 @@
-"""Where Fetch can start: `python -m causalbench_gymrob.reach_scan` prints the scan that Fetch's `WORKSPACE` was chosen from.
+"""Where Fetch can start: `python -m causalbench_gymrob.reach_scan` prints the scan behind Fetch's `WORKSPACE`.
 
 The rule: a box may stand wherever its hover pose (tilted or not) and its face-down grasp are all reachable. The hand
 starts clear of the box, as far out as leaves at least half of the tilted postures reachable on each face, and no

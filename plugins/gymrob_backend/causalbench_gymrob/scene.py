@@ -115,7 +115,7 @@ class GymrobScene(Scene):
     def restore(self, snapshot: bytes) -> None:
         """Return to a snapshot, bit for bit. Raises `SnapshotError`."""
         layout, packed = self._codec.unpack(snapshot)
-        state = np.frombuffer(packed)
+        state = np.frombuffer(packed).copy()  # MuJoCo takes no read-only memory
         self._enter(layout)
         self._world.load(state[2:])
         self._pad_forces[:] = state[:2]

@@ -30,4 +30,5 @@ def make(control_hz: float = 10.0, timestep: float = 1 / 240, solver_iterations:
 @hookimpl
 def causalbench_backends(register: Callable[[Backend], None]) -> None:
     """Register the backend "pybullet"."""
-    register(Backend("pybullet", make, "Bullet", "Fetch", ("pybullet", "mujoco", "gymnasium_robotics")))
+    modules = ("pybullet", "mujoco", "gymnasium_robotics")
+    register(Backend("pybullet", make, "Bullet", "Fetch", modules, frozenset({"exact_restore", "physics", "rgb"})))

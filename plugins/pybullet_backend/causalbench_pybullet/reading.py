@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,16 +18,12 @@ HOLDING_FORCE = 5.0  # N of each pad on the object: two and a half times the wei
 _BODY_B, _LINK_A, _DISTANCE, _FORCE = 2, 3, 8, 9  # places in Bullet's contact points
 
 
-class Contacts(NamedTuple):
-    """What touches at the end of a control step. Touching the object is no collision."""
+def read_contacts(world: World) -> tuple[bool, bool, bool]:
+    """Whether the arm touches a thing, the robot itself, and whether both pads press on the object.
 
-    arm: bool
-    self_: bool
-    holding: bool
-
-
-def read_contacts(world: World) -> Contacts:
-    """Contacts count that bear force or overlap; Bullet also reports those that are about to be."""
+    Contacts count that bear force or overlap; Bullet also reports those that are about to be. Touching the object is
+    no collision.
+    """
     arm = itself = False
     forces = dict.fromkeys(world.fingers, 0.0)
     for point in world.contacts():
@@ -40,17 +36,24 @@ def read_contacts(world: World) -> Contacts:
                 itself = True
             else:
                 arm = True
-    return Contacts(arm, itself, min(forces.values()) > HOLDING_FORCE)
+    return arm, itself, min(forces.values()) > HOLDING_FORCE
 
 
-def canonical_wxyz(quaternion: Any) -> Array:
+def canonical_wxyz(quaternion: Any) -> tuple[float, float, float, float]:
     """Bullet's quaternion (x, y, z, w) in the project's order, with unit length and w >= 0."""
     x, y, z, w = quaternion
     scale = math.copysign(1.0 / math.sqrt(w * w + x * x + y * y + z * z), w)
-    return np.array([w * scale, x * scale, y * scale, z * scale])
+    return w * scale, x * scale, y * scale, z * scale
 
 
-def hand_pose(world: World, robot: Robot) -> tuple[Array, Array]:
-    """Position (3,) and quaternion (4,) of the end effector in the world."""
+def read_poses(world: World, robot: Robot) -> Array:
+    """Hand pose 3 + 4 and object pose 3 + 4 in the world, and the gripper's opening in metres (15,)."""
     position, quaternion = pb.multiplyTransforms(*world.hand(), robot.hand_position, robot.hand_quaternion)
-    return np.array(position), canonical_wxyz(quaternion)
+    object_position, object_quaternion = world.object_pose()
+    left, right = world.finger_positions()
+    return np.array(
+        (
+            *position, *canonical_wxyz(quaternion), *object_position, *canonical_wxyz(object_quaternion),
+            left + right + robot.gap,
+        )
+    )  # fmt: skip

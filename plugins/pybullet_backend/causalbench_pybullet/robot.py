@@ -31,6 +31,8 @@ class Robot:
     hand_position: tuple[float, ...]  # m, of the end effector in the last link
     hand_quaternion: tuple[float, ...]  # (x, y, z, w), Bullet's order
     gap: float  # m between closed finger pads
+    base_links: tuple[str, ...]  # fixed to the base link
+    passing: tuple[tuple[str, str], ...]  # pairs of links that never collide
 
 
 def cache_folder() -> Path:
@@ -41,16 +43,16 @@ def cache_folder() -> Path:
 @cache
 def load() -> Robot:
     """The robot; the first use on a machine takes seconds."""
-    assets = _assets()
-    final = cache_folder() / f"fetch-urdf-{_content_hash(assets)}"
+    source = assets()
+    final = cache_folder() / f"fetch-urdf-{_content_hash(source)}"
     if not (final / "fetch.json").exists():
         try:
-            _make(assets, final)
+            _make(source, final)
         except OSError as error:
             folder = tempfile.TemporaryDirectory(prefix="causalbench-")
             _KEPT.append(folder)
             final = Path(folder.name) / "robot"
-            _make(assets, final)
+            _make(source, final)
             logging.getLogger(__name__).warning(
                 "the robot is generated anew in every process, for the cache cannot be written (XDG_CACHE_HOME): %s",
                 error,
@@ -64,13 +66,15 @@ def load() -> Robot:
         hand_position=tuple(facts["hand_position"]),
         hand_quaternion=tuple(facts["hand_quaternion"]),
         gap=facts["gap"],
+        base_links=tuple(facts["base_links"]),
+        passing=tuple((first, second) for first, second in facts["passing"]),
     )
 
 
 _KEPT: list[tempfile.TemporaryDirectory[str]] = []  # deleted when the process ends
 
 
-def _assets() -> Path:
+def assets() -> Path:
     """Folder of the installed robot files. Looked up without the import, which prints warnings and costs a second."""
     spec = find_spec("gymnasium_robotics")
     if spec is None or spec.origin is None:
@@ -78,16 +82,16 @@ def _assets() -> Path:
     return Path(spec.origin).parent / "envs" / "assets"
 
 
-def _content_hash(assets: Path) -> str:
+def _content_hash(source: Path) -> str:
     """Of everything that the generated files depend on."""
     digest = hashlib.sha256(f"mujoco {metadata.version('mujoco')}".encode())
-    sources = [path for part in ("fetch", "stls/fetch") for path in sorted((assets / part).iterdir()) if path.is_file()]
-    for path in (*_GENERATOR, *sources):
+    files = [path for part in ("fetch", "stls/fetch") for path in sorted((source / part).iterdir()) if path.is_file()]
+    for path in (*_GENERATOR, *files):
         digest.update(path.name.encode() + b"\0" + hashlib.sha256(path.read_bytes()).digest())
     return digest.hexdigest()[:24]
 
 
-def _make(assets: Path, final: Path) -> None:
+def _make(source: Path, final: Path) -> None:
     """Generate into a folder beside `final` and rename that, so that `final` is never half written."""
     from causalbench_pybullet import urdf
 
@@ -95,7 +99,7 @@ def _make(assets: Path, final: Path) -> None:
     with tempfile.TemporaryDirectory(prefix=".making-", dir=final.parent) as scratch:
         made = Path(scratch) / "robot"
         made.mkdir()
-        urdf.write(assets / "fetch" / "pick_and_place.xml", made)
+        urdf.write(source / "fetch" / "pick_and_place.xml", made)
         try:
             made.rename(final)
         except OSError:  # another process was faster

@@ -1,4 +1,4 @@
-"""`PybulletScene`: Fetch in Bullet behind the `Scene` contract. The engine is in `world.py`, the robot in `robot.py`."""
+"""`PybulletScene`: Fetch in Bullet behind the `Scene` contract. Bullet is in `world.py`, the robot in `robot.py`."""
 
 from __future__ import annotations
 
@@ -13,14 +13,13 @@ from causalbench.core.scene import ACTION_SPEED, Facts, Scene, SceneSpec, check_
 from causalbench.core.snapshots import SnapshotCodec
 from causalbench.errors import CausalbenchError, UserError
 from causalbench_pybullet import __version__, robot
-from causalbench_pybullet.reading import Contacts, canonical_wxyz, hand_pose, read_contacts
+from causalbench_pybullet.reading import read_contacts, read_poses
 from causalbench_pybullet.world import World, shapes_of
 
 Array = NDArray[np.float64]
 
 GRIP_LEAD = 0.005  # m by which a finger's target may run ahead of the finger: enough for full force and speed
 N_ARM = len(fetch.JOINTS)
-NOTHING = Contacts(False, False, False)
 
 
 class PybulletScene(Scene):
@@ -53,7 +52,7 @@ class PybulletScene(Scene):
         self._stride = np.array(self.spec.action_speed) * self._part * timestep
         self._target = np.zeros(N_ARM)  # rad, of the arm's motors
         self._finger = 0.0  # m, of both fingers' motors
-        self._contacts, self._base_touches = NOTHING, False
+        self._flags = np.zeros(4, dtype=np.bool_)  # base, arm and self-collision, holding
         self._layout: Layout | None = None
         self._base = np.zeros(3)
         self._world: World | None = None
@@ -77,9 +76,9 @@ class PybulletScene(Scene):
         finger = min(max((layout.gripper_opening - self._robot.gap) / 2, 0.0), fetch.FINGER_STROKE)
         self._target[:], self._finger = joints, finger
         world.set_joints(np.append(joints, [finger, finger]))
-        self._aim()
+        world.aim(self.motor_targets())
         world.advance(max(1, round(stepping.SETTLE / self.spec.timestep)))
-        self._contacts = read_contacts(world)
+        self._flags[1:] = read_contacts(world)
         stepping.check_settled(self.facts(), layout)
 
     def step(self, action: Array) -> None:
@@ -95,47 +94,45 @@ class PybulletScene(Scene):
                 finger = float(positions[N_ARM] + positions[N_ARM + 1]) / 2
                 target = min(max(self._finger - closing / 2, finger - GRIP_LEAD), finger + GRIP_LEAD)
                 self._finger = min(max(target, 0.0), fetch.FINGER_STROKE)
-            self._aim()
+            world.aim(self.motor_targets())
             world.advance(self._part)
-        self._contacts = read_contacts(world)
+        self._flags[1:] = read_contacts(world)
 
     def facts(self) -> Facts:
         """What holds now. Contacts are those that the last substep was solved with, all else is the state after it."""
-        world = self.world
-        eef_position, eef_quaternion = hand_pose(world, self._robot)
-        object_position, object_quaternion = world.object_pose()
-        fingers = world.joint_positions()[N_ARM:]
+        x, flags, base = read_poses(self.world, self._robot), self._flags, np.zeros(5)
+        base[:3] = self._base
         return Facts(
-            eef_position=eef_position,
-            eef_quaternion=eef_quaternion,
-            gripper_opening=fingers[0] + fingers[1] + self._robot.gap,
-            holding=np.bool_(self._contacts.holding),
-            object_position=np.array(object_position),
-            object_quaternion=canonical_wxyz(object_quaternion),
-            base_pose=self._base.copy(),
-            base_velocity=np.zeros(2),
-            collision_base=np.bool_(self._base_touches),
-            collision_arm=np.bool_(self._contacts.arm),
-            collision_self=np.bool_(self._contacts.self_),
+            eef_position=x[0:3],
+            eef_quaternion=x[3:7],
+            gripper_opening=x[14],
+            holding=flags[3],
+            object_position=x[7:10],
+            object_quaternion=x[10:14],
+            base_pose=base[:3],
+            base_velocity=base[3:],
+            collision_base=flags[0],
+            collision_arm=flags[1],
+            collision_self=flags[2],
         )
 
     def snapshot(self) -> bytes:
         """Layout, motor targets, contacts and Bullet's state with its contact memory."""
         if self._layout is None:
             raise CausalbenchError("call reset() before snapshot()")
-        ours = np.array([*self._target, self._finger, *self._contacts], dtype="<f8")
+        ours = np.array([*self._target, self._finger, *self._flags], dtype="<f8")
         return self._codec.pack(self._layout, ours.tobytes() + self.world.save())
 
     def restore(self, snapshot: bytes) -> None:
         """Return to a snapshot, bit for bit. Raises `SnapshotError`."""
         layout, state = self._codec.unpack(snapshot)
         world = self._enter(layout)
-        size = 8 * (N_ARM + 1 + len(NOTHING))
+        size = 8 * (N_ARM + 1 + len(self._flags))
         ours = np.frombuffer(state[:size], "<f8")
         self._target[:], self._finger = ours[:N_ARM], float(ours[N_ARM])
-        self._contacts = Contacts(*(bool(flag) for flag in ours[N_ARM + 1 :]))
+        self._flags[:] = ours[N_ARM + 1 :]
         world.load(state[size:])
-        self._aim()
+        world.aim(self.motor_targets())
 
     def render(self, width: int, height: int, camera: str = "scene") -> NDArray[np.uint8]:
         """RGB image (height, width, 3) of the camera "scene", the only one."""
@@ -153,8 +150,9 @@ class PybulletScene(Scene):
             self._world.close()
             self._world = None
 
-    def _aim(self) -> None:
-        self.world.aim([*self._target.tolist(), self._finger, self._finger])
+    def motor_targets(self) -> list[float]:
+        """Where the motors of arm and fingers aim (9), rad and m."""
+        return [*self._target.tolist(), self._finger, self._finger]
 
     def _enter(self, layout: Layout) -> World:
         """The world with base and boxes as in `layout`; boxes of other sizes or masses need another world."""
@@ -166,5 +164,5 @@ class PybulletScene(Scene):
             self._world = World(self._robot, self.spec.timestep, self._iterations, shapes)
         self._world.place(layout)
         self._layout, self._base = layout, np.array(layout.base_pose, dtype=np.float64)
-        self._base_touches = self._world.base_touches()
+        self._flags[0] = self._world.base_touches()
         return self._world

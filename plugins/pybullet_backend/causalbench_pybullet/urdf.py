@@ -1,13 +1,14 @@
-"""Writes Fetch as a URDF with convex meshes, from the MJCF that gymnasium-robotics installs, by way of MuJoCo's compiler.
+"""Writes Fetch as a URDF with convex meshes, from gymnasium-robotics' MJCF by way of MuJoCo's compiler.
 
-Kinematics, masses and shapes are those of the compiled model. Bodies without joints are merged into the link that
-carries them: what torso and head belong to is one fixed base. Only needed when the cache of `robot.py` is empty.
+Kinematics, masses and shapes are those of the compiled model; torso and head are fixed to the base. Only needed when
+the cache of `robot.py` is empty.
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from itertools import combinations
 from pathlib import Path
 
 import mujoco
@@ -28,9 +29,8 @@ _EFFORT = 'effort="1000" velocity="10"'  # required by the format, ignored: moto
 def write(mjcf: Path, folder: Path) -> None:
     """Write `fetch.urdf`, its meshes and `fetch.json` (what else the plugin knows of the robot) into `folder`."""
     robot = _Robot(_compile(mjcf))
-    (folder / "fetch.urdf").write_text("\n".join(["<robot name='fetch'>", *robot.links(folder), *robot.joints()]))
-    with (folder / "fetch.urdf").open("a") as file:
-        file.write("\n</robot>\n")
+    lines = ['<robot name="fetch">', *robot.links(folder), *robot.joints(), "</robot>", ""]
+    (folder / "fetch.urdf").write_text("\n".join(lines))
     (folder / "fetch.json").write_text(json.dumps(robot.facts()))
 
 
@@ -51,83 +51,110 @@ def _compile(mjcf: Path) -> mujoco.MjModel:
 
 
 class _Robot:
-    """The links of the robot, each a body with a joint, and where the bodies merged into it lie in its frame."""
+    """The links of the robot: its bodies that have mass, on joints or fixed.
+
+    Fixed bodies stay links of their own: what Bullet saves of contacts is exact for links of one shape only.
+    """
 
     def __init__(self, model: mujoco.MjModel) -> None:
         self.model = model
         self.base = model.body(PREFIX + BASE).id
-        self.link_of: dict[int, int] = {self.base: self.base}
-        self.frame: dict[int, Array] = {self.base: np.eye(4)}  # of a body in its link
+        self.bodies = [self.base]
         for body in range(self.base + 1, model.nbody):
-            parent = int(model.body_parentid[body])
-            if parent not in self.link_of:
-                continue
-            if model.body_jntnum[body]:
-                self.link_of[body], self.frame[body] = body, np.eye(4)
-            else:
-                self.link_of[body] = self.link_of[parent]
-                self.frame[body] = self.frame[parent] @ _transform(model.body_pos[body], model.body_quat[body])
-        self.moving = [body for body, link in self.link_of.items() if body == link != self.base]
+            if model.body_mass[body] and int(model.body_parentid[body]) in self.bodies:
+                self.bodies.append(body)
 
     def name(self, body: int) -> str:
-        """Name of a link or of its joint's child in the URDF."""
+        """Name of a link in the URDF."""
         return str(self.model.body(body).name).removeprefix(PREFIX)
 
-    def joint_frame(self, link: int) -> Array:
-        """The joint's frame at angle 0 in the link that carries it (4, 4). MuJoCo's `ref` is taken into account."""
-        model, parent = self.model, int(self.model.body_parentid[link])
-        joint = int(model.body_jntadr[link])
-        if model.jnt_pos[joint].any() or model.qpos0[model.jnt_qposadr[joint]]:
-            raise ValueError(f"joint of {self.name(link)}: an offset or a reference angle is not translated")
-        return self.frame[parent] @ _transform(model.body_pos[link], model.body_quat[link])
+    def parent(self, link: int) -> int:
+        """The link that carries a link."""
+        return int(self.model.body_parentid[link])
+
+    def part(self, link: int) -> int:
+        """The first link of the rigid part that a link belongs to."""
+        while link != self.base and not self.model.body_jntnum[link]:
+            link = self.parent(link)
+        return link
+
+    def frame(self, link: int) -> Array:
+        """A link's frame at joint position 0 in the link that carries it (4, 4)."""
+        model = self.model
+        if model.body_jntnum[link]:
+            joint = int(model.body_jntadr[link])
+            if model.jnt_pos[joint].any() or model.qpos0[model.jnt_qposadr[joint]]:
+                raise ValueError(f"joint of {self.name(link)}: an offset or a reference angle is not translated")
+        return _transform(model.body_pos[link], model.body_quat[link])
 
     def links(self, folder: Path) -> Iterator[str]:
         """The URDF's links; writes their meshes into `folder`."""
-        for link in (self.base, *self.moving):
-            yield f'<link name="{self.name(link)}">{self._inertial(link)}'
-            for geom in range(self.model.ngeom):
-                body = int(self.model.geom_bodyid[geom])
-                if self.link_of.get(body) == link:
-                    yield from self._shape(geom, self.frame[body], folder)
-            yield "</link>"
+        for link in self.bodies:
+            shapes = [self._shape(int(geom), folder) for geom in np.flatnonzero(self.model.geom_bodyid == link)]
+            yield f'<link name="{self.name(link)}">{self._inertial(link)}{"".join(shapes)}</link>'
 
     def joints(self) -> Iterator[str]:
         """The URDF's joints."""
         model = self.model
-        for link in self.moving:
-            joint, parent = int(model.body_jntadr[link]), self.link_of[int(model.body_parentid[link])]
-            low, high = model.jnt_range[joint]
-            limited = model.jnt_limited[joint]
-            kind = "prismatic" if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE else "revolute"
+        for link in self.bodies[1:]:
+            kind, name, motion = "fixed", f"{self.name(link)}_fixed", ""
+            if model.body_jntnum[link]:
+                joint = int(model.body_jntadr[link])
+                name = str(model.joint(joint).name).removeprefix(PREFIX)
+                limits = ""
+                kind = "prismatic" if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE else "revolute"
+                if model.jnt_limited[joint]:
+                    low, high = model.jnt_range[joint]
+                    limits = f'lower="{low:.17g}" upper="{high:.17g}" '
+                else:
+                    kind = "continuous"
+                motion = f'<axis xyz="{_numbers(model.jnt_axis[joint])}"/><limit {limits}{_EFFORT}/>'
             yield (
-                f'<joint name="{str(model.joint(joint).name).removeprefix(PREFIX)}" '
-                f'type="{kind if limited else "continuous"}"><parent link="{self.name(parent)}"/>'
-                f'<child link="{self.name(link)}"/>{_origin(self.joint_frame(link))}'
-                f'<axis xyz="{_numbers(model.jnt_axis[joint])}"/><limit '
-                + (f'lower="{low:.17g}" upper="{high:.17g}" ' if limited else "")
-                + f'{_EFFORT}/><dynamics damping="0" friction="0"/></joint>'
+                f'<joint name="{name}" type="{kind}"><parent link="{self.name(self.parent(link))}"/>'
+                f'<child link="{self.name(link)}"/>{_origin(self.frame(link))}{motion}</joint>'
             )
 
     def facts(self) -> dict[str, object]:
-        """The arm's chain for `causalbench.core.arm_ik`, the hand in the last link (x, y, z, w), the closed pads' gap."""
+        """What the plugin needs beside the URDF, for `robot.py`."""
         model = self.model
-        links = [self.link_of[model.body(f"{PREFIX}{name}_link").id] for name in fetch.JOINTS]
+        links = [model.body(f"{PREFIX}{name}_link").id for name in fetch.JOINTS]
         hand = model.body(PREFIX + HAND).id
-        frames = [self.joint_frame(link) for link in links]
-        frames.append(self.frame[hand] @ _transform(np.array(fetch.EEF_POSITION), np.array(fetch.EEF_QUATERNION)))
+        eef = _transform(np.array(fetch.EEF_POSITION), np.array(fetch.EEF_QUATERNION))
+        frames = [self._between(link, self.part(self.parent(link))) for link in links]
+        frames.append(self._between(hand, links[-1]) @ eef)
         joints = [int(model.body_jntadr[link]) for link in links]
-        limits = [model.jnt_range[joint].tolist() if model.jnt_limited[joint] else None for joint in joints]
         quaternion = np.empty(4)
         mujoco.mju_mat2Quat(quaternion, frames[-1][:3, :3].ravel())
         return {
-            "hand_position": frames[-1][:3, 3].tolist(),
-            "hand_quaternion": [*quaternion[1:].tolist(), float(quaternion[0])],
             "rotations": [frame[:3, :3].tolist() for frame in frames],
             "offsets": [frame[:3, 3].tolist() for frame in frames],
             "axes": [model.jnt_axis[joint].tolist() for joint in joints],
-            "limits": limits,
+            "limits": [model.jnt_range[joint].tolist() if model.jnt_limited[joint] else None for joint in joints],
+            "hand_position": frames[-1][:3, 3].tolist(),
+            "hand_quaternion": [*quaternion[1:].tolist(), float(quaternion[0])],
             "gap": sum(self._pad_face(finger) for finger in FINGERS),
+            "base_links": [self.name(link) for link in self.bodies[1:] if self.part(link) == self.base],
+            "passing": [[self.name(a), self.name(b)] for a, b in self._passing()],
         }
+
+    def _between(self, link: int, ancestor: int) -> Array:
+        """Frame of `link` in `ancestor` (4, 4), all joints at 0."""
+        out = np.eye(4)
+        while link != ancestor:
+            out = self.frame(link) @ out
+            link = self.parent(link)
+        return out
+
+    def _passing(self) -> Iterator[tuple[int, int]]:
+        """Links that never collide, as in MuJoCo: those of one rigid part, and of two that share a joint."""
+        for a, b in combinations(self.bodies, 2):
+            first, second = self.part(a), self.part(b)
+            if first in (second, self._carrier(second)) or second == self._carrier(first):
+                yield a, b
+
+    def _carrier(self, part: int) -> int:
+        """The rigid part that carries a rigid part; of the base itself."""
+        return self.base if part == self.base else self.part(self.parent(part))
 
     def _pad_face(self, finger: str) -> float:
         """Distance in metres of a closed finger's inner face from the hand's middle plane."""
@@ -135,36 +162,26 @@ class _Robot:
         return abs(float(body.pos[1] + geom.pos[1])) - float(geom.size[1])
 
     def _inertial(self, link: int) -> str:
-        """Mass and inertia of all bodies of a link, its frame parallel to the link's and the products left out.
+        """Mass and inertia of a link, its inertial frame parallel to the link's and the products left out.
 
         Bullet's Jacobians are wrong for inertial frames that are turned. The base never moves: its frame is the link's,
         since Bullet places a base by its inertial frame.
         """
         model = self.model
-        parts = [
-            (float(model.body_mass[body]), self.frame[body] @ _transform(model.body_ipos[body], model.body_iquat[body]),
-             model.body_inertia[body])
-            for body, of in self.link_of.items() if of == link
-        ]  # fmt: skip
-        mass = sum(part[0] for part in parts)
-        centre = sum((m * frame[:3, 3] for m, frame, _ in parts), np.zeros(3)) / mass
-        moments = np.zeros(3)
-        for m, frame, inertia in parts:
-            x, y, z = (frame[:3, 3] - centre) ** 2
-            moments += (frame[:3, :3] ** 2) @ inertia + m * np.array([y + z, x + z, x + y])
+        inertia = _transform(model.body_ipos[link], model.body_iquat[link])
+        xx, yy, zz = (f"{value:.12g}" for value in (inertia[:3, :3] ** 2) @ model.body_inertia[link])
         at = np.eye(4)
         if link != self.base:
-            at[:3, 3] = centre
-        xx, yy, zz = (f"{value:.12g}" for value in moments)
+            at[:3, 3] = inertia[:3, 3]
         return (
-            f'<inertial>{_origin(at)}<mass value="{mass:.12g}"/>'
+            f'<inertial>{_origin(at)}<mass value="{model.body_mass[link]:.12g}"/>'
             f'<inertia ixx="{xx}" iyy="{yy}" izz="{zz}" ixy="0" ixz="0" iyz="0"/></inertial>'
         )
 
-    def _shape(self, geom: int, body_frame: Array, folder: Path) -> Iterator[str]:
+    def _shape(self, geom: int, folder: Path) -> str:
         """The collision and visual elements of a geom: a box or a mesh, which is the hull that MuJoCo collides."""
         model = self.model
-        frame = body_frame @ _transform(model.geom_pos[geom], model.geom_quat[geom])
+        frame = _transform(model.geom_pos[geom], model.geom_quat[geom])
         if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_BOX:
             shape = f'{_origin(frame)}<geometry><box size="{_numbers(2 * model.geom_size[geom])}"/></geometry>'
         else:
@@ -173,7 +190,7 @@ class _Robot:
             shape = f'{_origin(np.eye(4))}<geometry><mesh filename="{name}"/></geometry>'
         red, green, blue, _ = model.geom_rgba[geom]
         colour = f'<material name="m{geom}"><color rgba="{red:.3g} {green:.3g} {blue:.3g} 1"/></material>'
-        yield f"<collision>{shape}</collision><visual>{shape}{colour}</visual>"
+        return f"<collision>{shape}</collision><visual>{shape}{colour}</visual>"
 
 
 def _write_hull(model: mujoco.MjModel, mesh: int, frame: Array, path: Path) -> None:

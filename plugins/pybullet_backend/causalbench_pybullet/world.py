@@ -22,11 +22,13 @@ GRAVITY = -9.81  # m/s2
 ARM_FORCE = (150.0, 150.0, 100.0, 100.0, 60.0, 60.0, 40.0)  # N m, of the joint motors, as in causalbench-gymrob
 FINGER_FORCE = 20.0  # N each; at 60 N and long timesteps the fingers sink into the object
 ARM_GAIN, FINGER_GAIN = 0.25, 0.2  # share of a joint's error that its motor takes out in one timestep
-FINGER_FRICTION = {"lateralFriction": 1.5, "spinningFriction": 0.05, "rollingFriction": 0.0005}
+# Anchored: friction also corrects positions, without which a held box creeps by some tenths of a millimetre a second.
+FINGER_FRICTION = {"lateralFriction": 1.5, "spinningFriction": 0.05, "rollingFriction": 0.0005, "frictionAnchor": 1}
 OBJECT_FRICTION = {"lateralFriction": 1.0, "spinningFriction": 0.02, "rollingFriction": 0.0005}
 GEAR_FORCE, GEAR_ERP = 500.0, 0.5  # of the constraint that keeps the fingers mirrored
 UNDAMPED = {"linearDamping": 0.0, "angularDamping": 0.0}
 FINGER_JOINTS = ("l_gripper_finger_joint", "r_gripper_finger_joint")
+APART = 50.0  # m
 BASE = -1  # Bullet's index of a body's first link
 
 
@@ -51,26 +53,27 @@ class World:
         pb.setGravity(0.0, 0.0, GRAVITY, **self._at)
         self.floor = self._box((5.0, 5.0, 0.5), 0.0, (0.45, 0.45, 0.45, 1.0))
         pb.resetBasePositionAndOrientation(self.floor, (0.0, 0.0, -0.5), (0.0, 0.0, 0.0, 1.0), **self._at)
-        self.robot = self._load(robot)
-        names = [pb.getJointInfo(self.robot, i, **self._at)[1].decode() for i in range(self._n_joints())]
-        self.arm = [names.index(f"{name}_joint") for name in fetch.JOINTS]
-        self.fingers = [names.index(name) for name in FINGER_JOINTS]
+        flags = pb.URDF_USE_INERTIA_FROM_FILE | pb.URDF_USE_SELF_COLLISION
+        self.robot = int(pb.loadURDF(str(robot.urdf), useFixedBase=True, flags=flags, **self._at))
+        infos = [pb.getJointInfo(self.robot, i, **self._at) for i in range(pb.getNumJoints(self.robot, **self._at))]
+        joint_of = {info[1].decode(): i for i, info in enumerate(infos)}
+        self.arm = [joint_of[f"{name}_joint"] for name in fetch.JOINTS]
+        self.fingers = [joint_of[name] for name in FINGER_JOINTS]
         self.joints = self.arm + self.fingers
+        self.links = {"base_link": BASE} | {info[12].decode(): i for i, info in enumerate(infos)}
+        self._base = [BASE, *(self.links[name] for name in robot.base_links)]
+        for first, second in robot.passing:
+            pb.setCollisionFilterPair(
+                self.robot, self.robot, self.links[first], self.links[second], enableCollision=0, **self._at
+            )
         self._drive()
         self.fixtures = [self._box(size, 0.0, (0.75, 0.7, 0.62, 1.0)) for size in shapes[:-2]]
         self.object = self._box(shapes[-2], shapes[-1][0], (0.85, 0.2, 0.1, 1.0))
         pb.changeDynamics(self.object, BASE, **OBJECT_FRICTION, **UNDAMPED, **self._at)
 
-    def _n_joints(self) -> int:
-        return int(pb.getNumJoints(self.robot, **self._at))
-
-    def _load(self, robot: Robot) -> int:
-        flags = pb.URDF_USE_INERTIA_FROM_FILE | pb.URDF_USE_SELF_COLLISION | pb.URDF_USE_SELF_COLLISION_EXCLUDE_PARENT
-        return int(pb.loadURDF(str(robot.urdf), useFixedBase=True, flags=flags, **self._at))
-
     def _drive(self) -> None:
         """Rid the joints of Bullet's default damping and tie the fingers together, so that the grip stays centred."""
-        for link in range(BASE, self._n_joints()):
+        for link in self.links.values():
             pb.changeDynamics(self.robot, link, jointDamping=0.0, **UNDAMPED, **self._at)
         for finger in self.fingers:
             pb.changeDynamics(self.robot, finger, **FINGER_FRICTION, **self._at)
@@ -83,7 +86,7 @@ class World:
         n = len(self.arm)
         self._forces = [*ARM_FORCE, *[FINGER_FORCE] * len(self.fingers)]
         self._gains = [ARM_GAIN] * n + [FINGER_GAIN] * len(self.fingers)
-        self._ones = [1.0] * len(self.joints)
+        self._zeros, self._ones = [0.0] * len(self.joints), [1.0] * len(self.joints)
 
     def _box(self, half_extents: tuple[float, ...], mass: float, colour: tuple[float, ...]) -> int:
         shape = pb.createCollisionShape(pb.GEOM_BOX, halfExtents=half_extents, **self._at)
@@ -91,13 +94,20 @@ class World:
         return int(pb.createMultiBody(mass, shape, visual, **self._at))
 
     def place(self, layout: Layout) -> None:
-        """Put base and boxes where `layout` wants them, at rest."""
+        """Put base and boxes where `layout` wants them, at rest, with no memory of earlier contacts."""
+        self._forget_contacts()
         x, y, yaw = layout.base_pose.tolist()
         turn = (0.0, 0.0, float(np.sin(yaw / 2)), float(np.cos(yaw / 2)))
         pb.resetBasePositionAndOrientation(self.robot, (x, y, 0.0), turn, **self._at)
         for body, box in zip((*self.fixtures, self.object), (*layout.fixtures, layout.target), strict=True):
             self._put(body, box)
         pb.resetBaseVelocity(self.object, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), **self._at)
+
+    def _forget_contacts(self) -> None:
+        """Part all bodies and let Bullet see it, so that nothing depends on contacts that were before."""
+        for i, body in enumerate((self.robot, self.object, *self.fixtures)):
+            pb.resetBasePositionAndOrientation(body, (0.0, 0.0, APART * (i + 1)), (0.0, 0.0, 0.0, 1.0), **self._at)
+        pb.performCollisionDetection(**self._at)
 
     def _put(self, body: int, box: Box) -> None:
         w, x, y, z = box.quaternion.tolist()
@@ -110,13 +120,18 @@ class World:
 
     def joint_positions(self) -> Array:
         """Positions (9,) of arm and fingers, rad and m."""
-        return np.array([state[0] for state in pb.getJointStates(self.robot, self.joints, **self._at)])
+        return np.array([state[0] for state in pb.getJointStates(self.robot, self.joints, self.client)])
+
+    def finger_positions(self) -> tuple[float, float]:
+        """Of both fingers, m."""
+        left, right = pb.getJointStates(self.robot, self.fingers, self.client)
+        return left[0], right[0]
 
     def aim(self, targets: list[float]) -> None:
         """Motor targets (9,) of arm and fingers, rad and m, until the next call."""
         pb.setJointMotorControlArray(
-            self.robot, self.joints, pb.POSITION_CONTROL, targetPositions=targets, forces=self._forces,
-            positionGains=self._gains, velocityGains=self._ones, **self._at,
+            self.robot, self.joints, pb.POSITION_CONTROL, targets, self._zeros, self._forces, self._gains, self._ones,
+            self.client,
         )  # fmt: skip
 
     def advance(self, substeps: int) -> None:
@@ -127,7 +142,7 @@ class World:
 
     def hand(self) -> Any:
         """Position (3) and quaternion (x, y, z, w) of the last link's frame in the world."""
-        return pb.getLinkState(self.robot, self.arm[-1], computeForwardKinematics=True, **self._at)[4:6]
+        return pb.getLinkState(self.robot, self.arm[-1], 0, 1, self.client)[4:6]  # with fresh kinematics, no velocity
 
     def object_pose(self) -> Any:
         """Position (3) and quaternion (x, y, z, w) of the object."""
@@ -135,12 +150,14 @@ class World:
 
     def contacts(self) -> Any:
         """Bullet's contact points of the robot: those that the last timestep was solved with."""
-        return pb.getContactPoints(bodyA=self.robot, **self._at)
+        return pb.getContactPoints(bodyA=self.robot, physicsClientId=self.client)
 
     def base_touches(self) -> bool:
         """Whether the base meets a fixture. Bullet finds no contacts between things that do not move."""
         return any(
-            pb.getClosestPoints(self.robot, fixture, 0.0, linkIndexA=BASE, **self._at) for fixture in self.fixtures
+            pb.getClosestPoints(self.robot, fixture, 0.0, linkIndexA=link, **self._at)
+            for fixture in self.fixtures
+            for link in self._base
         )
 
     def save(self) -> bytes:

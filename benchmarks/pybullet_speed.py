@@ -1,0 +1,159 @@
+"""What `causalbench_pybullet` costs beside raw physics: python benchmarks/pybullet_speed.py (under a minute, one core).
+
+Rivals take turns (A B A B ...) on the same states and actions, random actions in motion; figures are medians of
+control steps. Needs an otherwise idle core.
+"""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from causalbench.core import rotations
+from causalbench.core.env import StageTaskEnv
+from causalbench.core.tasks.pure_manipulation import TASK
+from causalbench_pybullet import make
+from causalbench_pybullet.engine import pb
+from causalbench_pybullet.scene import PybulletScene
+
+Array = NDArray[np.float64]
+
+STEPS = 300  # control steps per comparison
+EPISODE = 50  # control steps between resets
+
+
+def timed(work: Callable[[], object]) -> float:
+    """Seconds that one call takes."""
+    start = time.perf_counter()
+    work()
+    return time.perf_counter() - start
+
+
+def random_actions(seed: int, count: int) -> Array:
+    """Random walk actions (count, 7): each is held for five steps, so that the arm really travels."""
+    rng = np.random.default_rng(seed)
+    return np.repeat(rng.uniform(-1, 1, (count // 5 + 1, len(TASK.actions))), 5, axis=0)[:count]
+
+
+@dataclass
+class Rival:
+    """What is timed, and what comes before it untimed; both get the action and the final motor targets of our step."""
+
+    run: Callable[[Array], object]
+    prepare: Callable[[list[float]], object] = lambda targets: None
+
+
+def compare(seed: int, rivals: Callable[[StageTaskEnv], dict[str, Rival]]) -> dict[str, float]:
+    """Median seconds of each rival, all from the same states, in alternating order."""
+    scene = make()
+    env = StageTaskEnv(TASK, scene)
+    env.reset(seed=0)
+    contenders = rivals(env)
+    names = list(contenders)
+    times: dict[str, list[float]] = {name: [] for name in names}
+    for i, action in enumerate(random_actions(seed, STEPS)):
+        if i % EPISODE == 0:
+            env.reset(seed=i)
+        before = scene.snapshot()
+        scene.step(action)
+        after = scene.snapshot()
+        scene.step(action)
+        targets = bullet(env).motor_targets()
+        for name in names if i % 2 else names[::-1]:
+            scene.restore(before)
+            scene.step(action)  # as in a run, what is timed comes after a step, not after a restore: caches are warm
+            contenders[name].prepare(targets)
+            times[name].append(timed(lambda rival=contenders[name], a=action: rival.run(a)))
+        scene.restore(after)
+    scene.close()
+    return {name: statistics.median(taken) for name, taken in times.items()}
+
+
+def bullet(env: StageTaskEnv) -> PybulletScene:
+    """The scene below the environment."""
+    assert isinstance(env.scene, PybulletScene)
+    return env.scene
+
+
+def against_raw(env: StageTaskEnv) -> dict[str, Rival]:
+    """Step + facts; as many `stepSimulation` towards the same final targets; the same written with Bullet's own IK."""
+    scene = bullet(env)
+    usual = UsualWay(scene)
+
+    def raw(_: Array) -> None:
+        for _ in range(scene.substeps):
+            pb.stepSimulation(scene.world.client)
+
+    return {
+        "ours": Rival(lambda a: (scene.step(a), scene.facts())),
+        "raw": Rival(raw, prepare=scene.world.aim),
+        "usual": Rival(usual.step),
+    }
+
+
+def env_against_scene(env: StageTaskEnv) -> dict[str, Rival]:
+    """`StageTaskEnv.step` and the bare scene's step + facts."""
+    scene = env.scene
+    return {"env": Rival(env.step), "bare": Rival(lambda a: (scene.step(a), scene.facts()))}
+
+
+class UsualWay:
+    """A control step as PyBullet's examples write it: `calculateInverseKinematics`, motors, physics, and a reading.
+
+    The hand's pose is what it is moved from, the IK's answer goes to the motors once per control step.
+    """
+
+    def __init__(self, scene: PybulletScene) -> None:
+        self.scene, self.world = scene, scene.world
+        self.stride = np.array(scene.spec.action_speed) * scene.spec.control_dt
+        self.hand = self.world.links["gripper_link"]
+        self.opening = 0.1
+
+    def step(self, action: Array) -> tuple[object, ...]:
+        """Move the hand by the action along the base axes and about its own; what a task needs to know comes back."""
+        world, client = self.world, self.world.client
+        move = action * self.stride
+        state = pb.getLinkState(world.robot, self.hand, computeForwardKinematics=True, physicsClientId=client)
+        turned = rotations.rotate(rotations.from_axis_angle(2, np.pi / 2), move[:3])
+        goal = np.array(state[4]) + turned
+        turn = pb.getQuaternionFromAxisAngle((1.0, 0.0, 0.0), 0.0)
+        angle = float(np.linalg.norm(move[3:6]))
+        if angle > 0.0:
+            turn = pb.getQuaternionFromAxisAngle((move[3:6] / angle).tolist(), angle)
+        _, goal_turn = pb.multiplyTransforms((0, 0, 0), state[5], (0, 0, 0), turn)
+        joints = pb.calculateInverseKinematics(
+            world.robot, self.hand, goal.tolist(), goal_turn, maxNumIterations=20, physicsClientId=client
+        )
+        self.opening = min(max(self.opening - float(move[6]), 0.0), 0.1)
+        targets = [*joints[: len(world.arm)], self.opening / 2, self.opening / 2]
+        pb.setJointMotorControlArray(
+            world.robot, world.joints, pb.POSITION_CONTROL, targetPositions=targets, physicsClientId=client
+        )
+        for _ in range(self.scene.substeps):
+            pb.stepSimulation(physicsClientId=client)
+        return (
+            pb.getLinkState(world.robot, self.hand, computeForwardKinematics=True, physicsClientId=client),
+            pb.getBasePositionAndOrientation(world.object, physicsClientId=client),
+            pb.getJointStates(world.robot, world.fingers, physicsClientId=client),
+            pb.getContactPoints(bodyA=world.robot, physicsClientId=client),
+        )
+
+
+def main() -> None:
+    """Print the comparisons."""
+    print("timestep 1/240 s, 20 solver iterations, control at 10 Hz")
+    t = compare(0, against_raw)
+    ours, raw, usual = (t[name] * 1e6 for name in ("ours", "raw", "usual"))
+    print(f"  step + facts {ours:6.0f} us, raw stepSimulation {raw:6.0f} us: {raw / ours:.2f} of raw speed")
+    print(f"  with calculateInverseKinematics instead {usual:6.0f} us: ours is {usual / ours:.2f}x as fast")
+    t = compare(1, env_against_scene)
+    print(f"  StageTaskEnv {t['env'] * 1e6:6.0f} us, scene {t['bare'] * 1e6:6.0f} us: {t['env'] / t['bare'] - 1:+.1%}")
+
+
+if __name__ == "__main__":
+    main()

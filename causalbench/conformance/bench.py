@@ -1,0 +1,61 @@
+"""What a check works with: one backend on the test bench, and `expect`."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from causalbench.core.scene import Scene, SceneSpec
+from causalbench.errors import CausalbenchError, UserError
+from causalbench.hookspecs import Backend
+
+MakeScene = Callable[[], Scene]
+
+
+def expect(condition: Any, message: str) -> None:
+    """Raise an `AssertionError` with `message` unless `condition` holds; works under `python -O` too."""
+    if not condition:
+        raise AssertionError(message)
+
+
+class Bench:
+    """Makes scenes of one backend and closes them; `scene` is shared by all checks, each of which resets it."""
+
+    def __init__(self, backend: Backend, options: Mapping[str, Any] | None = None) -> None:
+        self.backend = backend
+        self.make_scene: MakeScene = functools.partial(backend.make, **(options or {}))
+        signature = inspect.signature(backend.make)
+        try:
+            signature.bind(**(options or {}))
+        except TypeError as error:
+            raise UserError(f"options of backend {backend.name!r}: {error}; it takes {signature}") from error
+        self._scenes: list[Scene] = []
+
+    def make(self) -> Scene:
+        """A new scene."""
+        self._scenes.append(self.make_scene())
+        return self._scenes[-1]
+
+    @functools.cached_property
+    def scene(self) -> Scene:
+        """The shared scene. Raises `CausalbenchError` when the backend cannot make one."""
+        try:
+            return self.make()
+        except CausalbenchError:
+            raise
+        except Exception as error:  # a stranger's code may raise anything
+            raise CausalbenchError(
+                f"backend {self.backend.name!r} could not make a scene: {type(error).__name__}: {error}"
+            ) from error
+
+    @property
+    def spec(self) -> SceneSpec:
+        """The spec of the shared scene."""
+        return self.scene.spec
+
+    def close(self) -> None:
+        """Close every scene made here."""
+        for scene in self._scenes:
+            scene.close()

@@ -1,0 +1,89 @@
+"""What a scene says about itself."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from causalbench.conformance.bench import Bench, expect
+from causalbench.core.scene import ACTION_SPEED
+from causalbench.errors import CausalbenchError
+
+CAPABILITIES = frozenset({"rgb", "lidar", "exact_restore", "mobile_base", "physics"})
+
+
+def s01_names(bench: Bench) -> None:
+    """S1. `spec.backend` is the registered name, no name or version is empty, and all scenes have equal specs."""
+    spec = bench.spec
+    expect(
+        spec.backend == bench.backend.name,
+        f"spec.backend is {spec.backend!r}, but the plugin registers {bench.backend.name!r}",
+    )
+    for name in ("backend_version", "engine", "engine_version", "robot"):
+        value = getattr(spec, name)
+        expect(isinstance(value, str) and value.strip(), f"spec.{name} is {value!r}, not a name")
+    other = bench.make().spec
+    expect(other == spec, f"two scenes made alike have different specs: {spec} and {other}")
+
+
+def s02_actions(bench: Bench) -> None:
+    """S2. Actions are known, in the project's order and not repeated; each declares a positive speed."""
+    actions, speeds = bench.spec.actions, bench.spec.action_speed
+    unknown = [name for name in actions if name not in ACTION_SPEED]
+    expect(not unknown, f"unknown actions {unknown}; known: {', '.join(ACTION_SPEED)}")
+    ordered = tuple(name for name in ACTION_SPEED if name in actions)
+    expect(actions == ordered, f"spec.actions is {actions}, expected the order {ordered}")
+    expect(len(speeds) == len(actions), f"{len(speeds)} action speeds for {len(actions)} actions")
+    bad = {name: speed for name, speed in zip(actions, speeds, strict=True) if not 0 < speed < np.inf}
+    expect(not bad, f"speeds must be positive and finite: {bad}")
+
+
+def s03_workspace(bench: Bench) -> None:
+    """S3. The workspace's boxes are not empty, the hand's lies above the table, and the gripper opens."""
+    w = bench.spec.workspace
+    for name, low, high in (("object", w.object_low, w.object_high), ("hand", w.hand_low, w.hand_high)):
+        expect(
+            len(low) == len(high) and all(a < b for a, b in zip(low, high, strict=True)),
+            f"workspace.{name}_low {low} must lie below workspace.{name}_high {high} in every coordinate",
+        )
+    expect(w.table_height > 0, f"workspace.table_height is {w.table_height} m")
+    expect(w.hand_low[2] > w.table_height, f"the hand may start at {w.hand_low[2]} m, in a table of {w.table_height} m")
+    expect(bench.spec.max_opening > 0, f"spec.max_opening is {bench.spec.max_opening} m")
+
+
+def s04_time(bench: Bench) -> None:
+    """S4. `control_dt` is a whole number of timesteps."""
+    spec = bench.spec
+    expect(spec.timestep > 0, f"spec.timestep is {spec.timestep} s")
+    ratio = spec.control_dt / spec.timestep
+    expect(
+        round(ratio) >= 1 and abs(ratio - round(ratio)) < 1e-6,
+        f"spec.control_dt {spec.control_dt} s is {ratio:g} timesteps of {spec.timestep} s",
+    )
+
+
+def s05_capabilities(bench: Bench) -> None:
+    """S5. Capabilities are known ones, the same that the plugin registers, and truthful.
+
+    The base actions and "mobile_base" go together; `render` and `lidar` raise without "rgb" and "lidar".
+    """
+    spec = bench.spec
+    unknown = sorted(spec.capabilities - CAPABILITIES)
+    expect(not unknown, f"unknown capabilities {unknown}; known: {', '.join(sorted(CAPABILITIES))}")
+    registered = bench.backend.capabilities
+    expect(
+        spec.capabilities == registered,
+        f"spec.capabilities is {sorted(spec.capabilities)}, but the plugin registers {sorted(registered)}",
+    )
+    mobile = {"forward", "turn"} <= set(spec.actions)
+    expect(
+        mobile == ("mobile_base" in spec.capabilities),
+        f"the actions forward and turn and the capability 'mobile_base' go together; actions: {spec.actions}",
+    )
+    for capability, call in (("rgb", lambda: bench.scene.render(64, 48)), ("lidar", bench.scene.lidar)):
+        if capability in spec.capabilities:
+            continue
+        try:
+            call()
+        except CausalbenchError:
+            continue
+        raise AssertionError(f"without the capability {capability!r} the call must raise a CausalbenchError")

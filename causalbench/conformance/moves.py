@@ -1,0 +1,207 @@
+"""Starts, motions and measurements that several checks share.
+
+All starts come from the layouts of pure manipulation, drawn with fixed seeds.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from causalbench.conformance.bench import expect
+from causalbench.core import rotations
+from causalbench.core.layout import Layout
+from causalbench.core.scene import ACTION_SPEED, Facts, Scene
+from causalbench.core.tasks import pure_manipulation as task
+from causalbench.errors import UnreachableLayoutError
+
+Array = NDArray[np.float64]
+
+MAX_DRAWS = 200
+POSITION_ERROR = 1e-3  # m
+ANGLE_ERROR = math.radians(0.5)
+AXES = ("armx", "army", "armz", "armrx", "armry", "armrz")
+ROOM = (0.1, 0.25)  # m nearer and higher: where translations start, to have room for a second of armx and armz
+BEYOND = (1.1, 1.25)  # of the amount: what a pose must leave room for, translations and rotations
+CLEARANCE = 0.12  # m between the table and a hand that shall touch nothing
+FIELDS = tuple(field.name for field in dataclasses.fields(Facts))
+
+
+def steps(scene: Scene, seconds: float) -> int:
+    """How many control steps come nearest to `seconds`, at least one."""
+    return max(1, round(seconds / scene.spec.control_dt))
+
+
+def vector(scene: Scene, **values: float) -> Array:
+    """The action with the named values, all others 0."""
+    action = np.zeros(len(scene.spec.actions))
+    for name, value in values.items():
+        action[scene.spec.actions.index(name)] = value
+    return action
+
+
+def act(scene: Scene, count: int, **values: float) -> Facts:
+    """Take `count` control steps of the named action values, all others 0; what holds then."""
+    action = vector(scene, **values)
+    for _ in range(count):
+        scene.step(action)
+    return scene.facts()
+
+
+def draws(scene: Scene, seed: int, stage: int) -> Iterator[Layout]:
+    """`MAX_DRAWS` layouts of the task; whether the arm can take them is not yet known."""
+    rng = np.random.default_rng(seed)
+    for _ in range(MAX_DRAWS):
+        yield task.draw_layout(rng, scene.spec.workspace, scene.spec.max_opening, stage)
+
+
+def accepts(scene: Scene, layout: Layout) -> bool:
+    """Reset to `layout`; False when the scene says that it cannot be."""
+    try:
+        scene.reset(layout)
+    except UnreachableLayoutError:
+        return False
+    return True
+
+
+def touches(facts: Facts) -> bool:
+    """Whether any collision flag is set or the box is held."""
+    return bool(facts.collision_base or facts.collision_arm or facts.collision_self or facts.holding)
+
+
+def start(scene: Scene, seed: int, stage: int = 1) -> Layout:
+    """Put the scene into the first start of `stage` that it accepts free of contact, as an environment does."""
+    for layout in draws(scene, seed, stage):
+        if accepts(scene, layout):
+            facts = scene.facts()
+            if not touches(facts) and int(task.stage(facts)) == stage:
+                return layout
+    raise AssertionError(
+        f"no start of stage {stage} in {MAX_DRAWS} draws (seed {seed}): each was refused by reset, in contact or "
+        "not in that stage; check `spec.workspace`"
+    )
+
+
+def aside(scene: Scene, layout: Layout) -> Layout:
+    """`layout` with the box at the side of the table that is away from the hand."""
+    workspace = scene.spec.workspace
+    _, hand_y, _ = to_base(layout.eef_position)
+    middle = (workspace.object_low[0] + workspace.object_high[0]) / 2
+    height = workspace.table_height + task.BOX_HALF_EXTENTS[2]
+    place = np.array([middle, -math.copysign(0.42, hand_y), height])
+    box = dataclasses.replace(layout.target, position=rotations.rotate(task.BASE_QUATERNION, place))
+    return dataclasses.replace(layout, target=box)
+
+
+def clear_poses(scene: Scene, nearer: float = 0.0, higher: float = 0.1) -> Iterator[Layout]:
+    """Starts of stage 2 with the box out of the way, the hand up to so many metres `nearer` to the base and `higher`.
+
+    The scene is asked for none of them yet.
+    """
+    rng = np.random.default_rng(0)
+    for layout in draws(scene, 0, 2):
+        shift = rotations.rotate(task.BASE_QUATERNION, rng.random(3) * np.array([-nearer, 0.0, higher]))
+        yield aside(scene, dataclasses.replace(layout, eef_position=layout.eef_position + shift))
+
+
+def clear_start(scene: Scene) -> Layout:
+    """Put the scene into the first of `clear_poses` that it accepts."""
+    for layout in clear_poses(scene):
+        if accepts(scene, layout):
+            return layout
+    raise AssertionError(f"reset refused {MAX_DRAWS} poses above the table; check `spec.workspace`")
+
+
+def full_runs(scene: Scene, name: str, value: float, size: float = 1.0, count: int = 5) -> list[list[Facts]]:
+    """A second of one action from `count` poses: facts before it and after each of its steps.
+
+    The poses are the first of `clear_poses` that leave room for the action at full deflection: `reset` accepts, as a
+    start of its own, a pose a little beyond the one where it ends (`BEYOND`), and the arm hits nothing on its way.
+    A rotation begins so that half of it leads to the middle of the tilts that the task asks for.
+    """
+    index, runs = AXES.index(name), []
+    amount = value * scene.spec.action_speed[scene.spec.actions.index(name)]
+    for layout in clear_poses(scene, *(ROOM if index < 3 else ())):
+        if index >= 3:
+            layout = _displaced(_half_tilted(layout), index, -amount / 2)
+        goal = _displaced(layout, index, amount * BEYOND[index // 3])
+        above = goal.eef_position[2] - scene.spec.workspace.table_height
+        if above < CLEARANCE or not accepts(scene, goal) or not accepts(scene, layout):
+            continue
+        run = [scene.facts()]
+        for _ in range(steps(scene, 1.0)):
+            run.append(act(scene, 1, **{name: value * size}))
+        if not any(touches(facts) for facts in run):
+            runs.append(run)
+        if len(runs) == count:
+            return runs
+    raise AssertionError(
+        f"only {len(runs)} of {MAX_DRAWS} poses above the table leave room for a second of {name} at {value:+g}; "
+        f"{count} are needed. Check `spec.workspace`, where reset refuses a pose, and the collision flags"
+    )
+
+
+def _half_tilted(layout: Layout) -> Layout:
+    """`layout` with the hand half as far from straight down as the task's starts are at most."""
+    posture = rotations.multiply(task.FACE_DOWN, rotations.from_axis_angle(1, -task.TILT_HIGH / 2))
+    return dataclasses.replace(
+        layout, eef_quaternion=rotations.canonical(rotations.multiply(task.BASE_QUATERNION, posture))
+    )
+
+
+def _displaced(layout: Layout, index: int, amount: float) -> Layout:
+    """`layout` with the hand moved by `amount` (m or rad) along or about `AXES[index]`."""
+    if index < 3:
+        shift = rotations.rotate(task.BASE_QUATERNION, amount * np.eye(3)[index])
+        return dataclasses.replace(layout, eef_position=layout.eef_position + shift)
+    turned = rotations.multiply(layout.eef_quaternion, rotations.from_axis_angle(index - 3, amount))
+    return dataclasses.replace(layout, eef_quaternion=rotations.canonical(turned))
+
+
+def to_base(position: Array) -> Array:
+    """World coordinates (3,) seen from the base of the task's layouts."""
+    return rotations.rotate(rotations.conjugate(task.BASE_QUATERNION), position)
+
+
+def moved(before: Facts, after: Facts) -> Array:
+    """(6,) translation of the hand along the base axes in m, and its rotation about its own axes in rad."""
+    shift = to_base(after.eef_position - before.eef_position)
+    turn = rotations.multiply(rotations.conjugate(before.eef_quaternion), after.eef_quaternion)
+    return np.append(shift, rotations.rotation_vector(turn))
+
+
+def grasp(scene: Scene, seed: int = 0) -> None:
+    """Start with the hand around the box and close until the box is held, and a step longer."""
+    start(scene, seed, 4)
+    for _ in range(steps(scene, 1.5)):
+        if act(scene, 1, grip=1.0).holding:
+            break
+    expect(act(scene, 1, grip=1.0).holding, "1.5 s of closing on a box between the fingers, but `holding` is false")
+
+
+def press(scene: Scene) -> list[Facts]:
+    """Drive the hand down until it is in the table and on for half a second; facts after every step."""
+    height = clear_start(scene).eef_position[2] - scene.spec.workspace.table_height
+    seconds = height / ACTION_SPEED["armz"] + 0.5
+    return [act(scene, 1, armz=-1.0) for _ in range(steps(scene, seconds))]
+
+
+def row(facts: Facts) -> Array:
+    """Every number of single facts in one array."""
+    return np.concatenate([np.ravel(getattr(facts, name)).astype(np.float64) for name in FIELDS])
+
+
+def walk(scene: Scene, seed: int, count: int = 15, size: float = 1.0, grip: bool = True) -> Array:
+    """Facts (count, n) under random actions in [-size, size]; without `grip` the gripper is left alone."""
+    rng, rows = np.random.default_rng(seed), []
+    gripper = scene.spec.actions.index("grip")
+    for _ in range(count):
+        action = rng.uniform(-size, size, len(scene.spec.actions))
+        action[gripper] *= grip
+        scene.step(action)
+        rows.append(row(scene.facts()))
+    return np.array(rows)

@@ -1,0 +1,128 @@
+"""`causalbench doctor`: what on this machine would make a run fail or crawl, found before it does."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from causalbench.plugins import Plugins
+
+PROBE_SECONDS = 300.0  # a first start may compile for half a minute
+PROBES = {
+    "simulates": "env.step(env.action_space.sample() * 0)",
+    "renders": "if 'rgb' in env.scene.spec.capabilities: env.scene.render(64, 48)",
+}
+"""What is tried on every backend in a process of its own, after a seeded reset."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that was looked at; `advice` says what to do and is empty when `ok`."""
+
+    subject: str
+    ok: bool
+    text: str
+    advice: str = ""
+
+
+def examine(plugins: Plugins, jobs: int) -> Iterator[Finding]:
+    """Look at everything, quickest first; nothing on the machine is changed."""
+    yield _python()
+    yield _threads(jobs)
+    yield _cache()
+    for row in plugins.rows:
+        yield Finding(
+            f"plugin {row.distribution}",
+            not row.error,
+            row.error or f"version {row.version} loads",
+            f"pip install --upgrade {row.distribution}, or uninstall it" if row.error else "",
+        )
+    for name in sorted(plugins.backends):
+        yield from _backend(plugins, name)
+
+
+def _python() -> Finding:
+    found = ".".join(map(str, sys.version_info[:3]))
+    ok = sys.version_info >= (3, 11)
+    return Finding("python", ok, found, "" if ok else "install Python 3.11 or newer")
+
+
+def _threads(jobs: int) -> Finding:
+    """Cells set torch to one thread themselves; OpenMP and BLAS obey only the environment."""
+    cores = os.cpu_count() or 1
+    per_cell = max((int(os.environ.get(name, "1") or 1) for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS")), default=1)
+    text = f"{jobs} cells at a time with {per_cell} threads each on {cores} cores"
+    if jobs * per_cell <= cores:
+        return Finding("threads", True, text)
+    advice = "threads that wait for each other are many times slower: set OMP_NUM_THREADS=1, or use fewer --jobs"
+    return Finding("threads", False, text, advice)
+
+
+def _cache() -> Finding:
+    """Compiled code is kept in NUMBA_CACHE_DIR, else beside the package, else in the user's cache folder."""
+    chosen = os.environ.get("NUMBA_CACHE_DIR")
+    folders = [Path(chosen)] if chosen else [Path(__file__).parents[1], Path.home() / ".cache"]
+    for folder in folders:
+        if _writable(folder):
+            return Finding("compilation cache", True, str(folder))
+    return Finding(
+        "compilation cache",
+        False,
+        f"cannot write to {', '.join(map(str, folders))}: every process compiles for half a minute",
+        "set NUMBA_CACHE_DIR to a folder that you can write to",
+    )
+
+
+def _writable(folder: Path) -> bool:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return True
+    except OSError:
+        return False
+
+
+def _backend(plugins: Plugins, name: str) -> Iterator[Finding]:
+    problem = plugins.problem(name)
+    if problem:
+        yield Finding(f"{name}: installed", False, problem, problem.partition("run: ")[2])
+        return
+    for what, text in (("simulates", "a reset and a step"), ("renders", "a 64 x 48 picture, if it can at all")):
+        error = probe(name, what)
+        yield Finding(f"{name}: {what}", not error, error or text, _advice(what) if error else "")
+
+
+def _advice(what: str) -> str:
+    if what == "renders":
+        return (
+            "only pictures and videos need this; without a display install OpenGL's software renderer "
+            "(Debian: apt-get install libegl1 libgl1-mesa-dri) and set MUJOCO_GL=egl"
+        )
+    return "see the message; `pip install -r requirements.lock` restores versions that work together"
+
+
+def probe(backend: str, what: str) -> str:
+    """Try one of `PROBES` in a process of its own; "" if it works, else what went wrong, in a line."""
+    code = f"""
+from causalbench.registration import make_env
+env = make_env(backend={backend!r})
+env.reset(seed=0)
+{PROBES[what]}
+env.close()
+"""
+    try:
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=PROBE_SECONDS)
+    except subprocess.TimeoutExpired:
+        return f"no answer in {PROBE_SECONDS:.0f} s"
+    if done.returncode == 0:
+        return ""
+    lines = [line for line in done.stderr.splitlines() if line.strip()]
+    # The first error is the cause; later ones come from unwinding and from destructors.
+    errors = [line for line in lines if re.match(r"[\w.]+(Error|Exception|Warning): ", line)]
+    return (errors or lines[-1:] or [f"ended with exit code {done.returncode}"])[0]

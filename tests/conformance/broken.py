@@ -1,0 +1,456 @@
+"""Kinematic scenes, each wrong in one way: `BROKEN` maps a number of the contract to the backend that breaks it."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import multiprocessing
+import os
+from typing import Any, ClassVar
+
+import numpy as np
+from conformance import hasty
+
+from causalbench.core import rotations
+from causalbench.core.kinematic import BASE_POSE, BOX, BOX_POSTURE, COMMAND, HAND, SPEC, TABLE_HIT, KinematicScene
+from causalbench.core.layout import Layout
+from causalbench.core.scene import ACTION_SPEED, Array, Facts, SceneSpec, check_action
+from causalbench.errors import SnapshotError, UnreachableLayoutError
+from causalbench.hookspecs import Backend
+
+NAMES = SPEC.actions
+
+
+def held(scene: KinematicScene) -> bool:
+    return bool(KinematicScene.facts(scene).holding)
+
+
+class Altered(KinematicScene):
+    """A kinematic scene with another spec, facts changed on their way out, and five numbers of state of its own."""
+
+    changes: ClassVar[dict[str, Any]] = {}
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.spec = dataclasses.replace(SPEC, **self.changes)
+        self.own = np.zeros(5)
+
+    @property
+    def state(self) -> Array:
+        return self._world.state
+
+    def reset(self, layout: Layout) -> None:
+        super().reset(layout)
+        self.own[:] = 0.0
+
+    def facts(self) -> Facts:
+        facts = super().facts()
+        return dataclasses.replace(facts, **self.alter(facts))
+
+    def alter(self, facts: Facts) -> dict[str, Any]:
+        return {}
+
+    def snapshot(self) -> bytes:
+        return self.own.tobytes() + super().snapshot()
+
+    def restore(self, snapshot: bytes) -> None:
+        super().restore(snapshot[self.own.nbytes :])
+        self.own[:] = np.frombuffer(snapshot[: self.own.nbytes])
+
+
+class Nameless(Altered):
+    changes: ClassVar = {"engine_version": ""}
+
+
+class Reordered(Altered):
+    changes: ClassVar = {"actions": NAMES[::-1], "action_speed": SPEC.action_speed[::-1]}
+
+    def step(self, action: Array) -> None:
+        super().step(action[::-1])
+
+
+class FlatWorkspace(Altered):
+    changes: ClassVar = {
+        "workspace": dataclasses.replace(SPEC.workspace, object_low=(0.64, -0.15), object_high=(0.64, 0.15))
+    }
+
+
+class BrokenTime(Altered):
+    changes: ClassVar = {"timestep": 0.03}
+
+
+class Boastful(Altered):
+    changes: ClassVar = {"capabilities": SPEC.capabilities | {"teleport"}}
+
+
+class IntegerFlag(Altered):
+    def alter(self, facts: Facts) -> dict[str, Any]:
+        return {"collision_base": np.int64(0)}
+
+
+class OtherSign(Altered):
+    def alter(self, facts: Facts) -> dict[str, Any]:
+        return {"object_quaternion": -facts.object_quaternion}
+
+
+class Views(Altered):
+    def __init__(self) -> None:
+        super().__init__()
+        self.velocity = np.zeros(2)
+
+    def alter(self, facts: Facts) -> dict[str, Any]:
+        return {"base_velocity": self.velocity}
+
+
+class OffLayout(Altered):
+    def reset(self, layout: Layout) -> None:
+        super().reset(layout)
+        self.state[BOX.start] += 2e-3
+
+
+class FixedYaw(Altered):
+    def alter(self, facts: Facts) -> dict[str, Any]:
+        return {"base_pose": np.append(facts.base_pose[:2], math.pi / 2)}
+
+
+class ReachesAll(Altered):
+    def reset(self, layout: Layout) -> None:
+        try:
+            super().reset(layout)
+        except UnreachableLayoutError:
+            if np.linalg.norm(layout.eef_position) < 2:
+                raise
+
+
+class StartsInContact(Altered):
+    """Starts at one side of the table touch something until the first step."""
+
+    def reset(self, layout: Layout) -> None:
+        super().reset(layout)
+        self.own[0] = self.state[HAND.start + 1] > 0.15
+
+    def step(self, action: Array) -> None:
+        super().step(action)
+        self.own[0] = 0.0
+
+    def alter(self, facts: Facts) -> dict[str, Any]:
+        return {"collision_self": np.bool_(self.own[0] > 0)}
+
+
+class Scaled(Altered):
+    """Every action times its entry of `scale`."""
+
+    scale: ClassVar[Array]
+
+    def step(self, action: Array) -> None:
+        super().step(check_action(action, (7,)) * self.scale)
+
+
+class SlowArmx(Scaled):
+    scale = np.array([0.8, 1, 1, 1, 1, 1, 1])
+
+
+class InvertedArmrz(Scaled):
+    scale = np.array([1, 1, 1, 1, 1, -1, 1])
+
+
+class SlowGrip(Scaled):
+    scale = np.array([1, 1, 1, 1, 1, 1, 0.8])
+
+
+class Mobile(Altered):
+    """The hand on a base that drives; right in every way."""
+
+    turn_scale = 1.0
+    changes: ClassVar = {
+        "actions": ("forward", "turn", *NAMES),
+        "action_speed": (ACTION_SPEED["forward"], ACTION_SPEED["turn"], *SPEC.action_speed),
+        "capabilities": SPEC.capabilities | {"mobile_base"},
+    }
+
+    def step(self, action: Array) -> None:
+        action = check_action(action, (9,))
+        carried = held(self)
+        super().step(action[2:])
+        s, box = self.state, KinematicScene.facts(self)
+        way = action[:2] * np.array(self.spec.action_speed[:2]) * self.spec.control_dt
+        _, _, yaw = s[BASE_POSE]
+        s[BASE_POSE] += [way[0] * math.cos(yaw), way[0] * math.sin(yaw), way[1] * self.turn_scale]
+        if not carried and way.any():
+            back = rotations.from_axis_angle(2, -s[BASE_POSE][2])
+            origin = np.append(s[BASE_POSE][:2], 0.0)
+            s[BOX] = rotations.rotate(back, box.object_position - origin)
+            s[BOX_POSTURE] = rotations.multiply(back, box.object_quaternion)
+
+
+class SlowTurn(Mobile):
+    turn_scale = 0.8
+
+
+class Progressive(Altered):
+    def step(self, action: Array) -> None:
+        action = check_action(action, (7,)).copy()
+        action[:3] *= np.sqrt(np.abs(action[:3]))
+        super().step(action)
+
+
+class Stutters(Altered):
+    """Nothing on one step, two control steps on the next."""
+
+    def step(self, action: Array) -> None:
+        check_action(action, (7,))
+        self.own[0] = 1 - self.own[0]
+        if self.own[0] == 0:
+            super().step(action)
+            super().step(action)
+
+
+class Sinks(Altered):
+    def step(self, action: Array) -> None:
+        super().step(action)
+        if not action.any():
+            self.state[HAND.start + 2] -= 1e-4
+
+
+class Creeps(Altered):
+    def step(self, action: Array) -> None:
+        super().step(action)
+        if action[6] == 0 and not held(self):
+            self.state[COMMAND] = min(self.state[COMMAND] + 1e-4, SPEC.max_opening)
+
+
+class Falling(Altered):
+    """A free box falls onto the table or the floor; right in every way."""
+
+    gravity = 9.81
+    changes: ClassVar = {"capabilities": SPEC.capabilities | {"physics"}}
+
+    def reset(self, layout: Layout) -> None:
+        super().reset(layout)
+        table = layout.fixtures[0]
+        self.own[:] = 0.0, *table.position[:2], *table.half_extents[:2]
+
+    def step(self, action: Array) -> None:
+        super().step(action)
+        facts = KinematicScene.facts(self)
+        if facts.holding:
+            self.own[0] = 0.0
+            return
+        x, y = facts.object_position[:2] - self.own[1:3]
+        over = abs(x) < self.own[4] and abs(y) < self.own[3]  # the base is turned by a quarter
+        support = 0.025 + SPEC.workspace.table_height * over
+        self.own[0] -= self.gravity * SPEC.control_dt
+        height = self.state[BOX.start + 2] + self.own[0] * SPEC.control_dt
+        if height < support:
+            height, self.own[0] = support, 0.0
+        self.state[BOX.start + 2] = height
+
+
+class LightBox(Falling):
+    gravity = 4.9
+
+
+class TakesNaN(Altered):
+    def step(self, action: Array) -> None:
+        super().step(np.where(np.isnan(action), 0.0, action))
+
+
+class BlowsUp(Altered):
+    def step(self, action: Array) -> None:
+        super().step(action)
+        self.own[0] += 1
+
+    def alter(self, facts: Facts) -> dict[str, Any]:
+        return {"eef_position": facts.eef_position * np.nan} if self.own[0] > 150 else {}
+
+
+class NoCollisions(Altered):
+    def alter(self, facts: Facts) -> dict[str, Any]:
+        return {"collision_arm": np.bool_(False)}
+
+
+class FalseCollisions(Altered):
+    """Small motions of the arm report that the robot touches itself."""
+
+    def step(self, action: Array) -> None:
+        super().step(action)
+        size = np.abs(action[:6])
+        self.own[0] = ((size > 0) & (size < 0.4)).any()
+
+    def alter(self, facts: Facts) -> dict[str, Any]:
+        return {"collision_self": np.bool_(self.own[0] > 0)}
+
+
+class HoldsNothing(Altered):
+    def alter(self, facts: Facts) -> dict[str, Any]:
+        return {"holding": np.bool_(facts.holding | (self.state[COMMAND] < 0.01))}
+
+
+class Remembers(Altered):
+    """Every reset starts a little further on."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.resets = 0
+
+    def reset(self, layout: Layout) -> None:
+        super().reset(layout)
+        self.resets += 1
+        self.state[HAND.start] += 1e-9 * self.resets
+
+
+class OtherInEachProcess(Altered):
+    def reset(self, layout: Layout) -> None:
+        super().reset(layout)
+        self.state[HAND.start] += 1e-11 * os.getpid()
+
+
+class Shared(Altered):
+    """What was reset last disturbs every other scene."""
+
+    owner: ClassVar[Any] = None
+
+    def reset(self, layout: Layout) -> None:
+        super().reset(layout)
+        Shared.owner = self
+
+    def restore(self, snapshot: bytes) -> None:
+        super().restore(snapshot)
+        Shared.owner = self
+
+    def step(self, action: Array) -> None:
+        super().step(action)
+        if Shared.owner is not self:
+            self.state[HAND.start] += 1e-6
+
+
+class LosesMotion(Altered):
+    def restore(self, snapshot: bytes) -> None:
+        super().restore(snapshot)
+        if not held(self) and not self.state[TABLE_HIT]:
+            self.state[HAND.start] += 1e-9
+
+
+class LosesContact(Altered):
+    def restore(self, snapshot: bytes) -> None:
+        super().restore(snapshot)
+        self.state[TABLE_HIT] = 0.0
+
+
+class LosesGrasp(Altered):
+    def restore(self, snapshot: bytes) -> None:
+        super().restore(snapshot)
+        if held(self):
+            self.state[COMMAND] = 0.03
+
+
+class OwnBytesOnly(Altered):
+    """Bytes of another process come back a little off."""
+
+    def snapshot(self) -> bytes:
+        self.own[4] = os.getpid()
+        return super().snapshot()
+
+    def restore(self, snapshot: bytes) -> None:
+        super().restore(snapshot)
+        if self.own[4] != os.getpid():
+            self.state[HAND.start] += 1e-9
+
+
+class TakesAnyBytes(Altered):
+    def restore(self, snapshot: bytes) -> None:
+        try:
+            super().restore(snapshot)
+        except SnapshotError:
+            return
+
+
+class ClosesOnce(Altered):
+    closed = False
+
+    def close(self) -> None:
+        if self.closed:
+            raise RuntimeError("no such scene")
+        self.closed = True
+
+
+class NoChild(Altered):
+    def __init__(self) -> None:
+        super().__init__()
+        if multiprocessing.parent_process() is not None:
+            raise RuntimeError("no display")
+
+
+class OneTurnAtATime(Altered):
+    """Two rotations at once cancel each other."""
+
+    def step(self, action: Array) -> None:
+        action = check_action(action, (7,)).copy()
+        if action[3] and action[4]:
+            action[3:5] = 0.0
+        super().step(action)
+
+
+class Slippery(Altered):
+    """A held box stays behind when it is lifted."""
+
+    def step(self, action: Array) -> None:
+        box = self.state[BOX].copy()
+        lifting = held(self) and action[2] > 0
+        super().step(action)
+        if lifting:
+            self.state[BOX] = box
+
+
+def backend(make: Any, spec: SceneSpec = SPEC, modules: tuple[str, ...] = ()) -> Backend:
+    capabilities = getattr(make, "changes", {}).get("capabilities", spec.capabilities)
+    return Backend(spec.backend, make, spec.engine, spec.robot, modules, capabilities)
+
+
+BROKEN = {
+    "S1": backend(Nameless),
+    "S2": backend(Reordered),
+    "S3": backend(FlatWorkspace),
+    "S4": backend(BrokenTime),
+    "S5": backend(Boastful),
+    "S6": backend(IntegerFlag),
+    "S7": backend(OtherSign),
+    "S8": backend(Views),
+    "S9": backend(OffLayout),
+    "S10": backend(FixedYaw),
+    "S11": backend(ReachesAll),
+    "S12": backend(StartsInContact),
+    "S13": backend(SlowArmx),
+    "S14": backend(InvertedArmrz),
+    "S15": backend(SlowGrip),
+    "S16": backend(SlowTurn),
+    "S17": backend(Progressive),
+    "S18": backend(Stutters),
+    "S19": backend(Sinks),
+    "S20": backend(Creeps),
+    "S21": backend(LightBox),
+    "S22": backend(TakesNaN),
+    "S23": backend(BlowsUp),
+    "S24": backend(NoCollisions),
+    "S25": backend(FalseCollisions),
+    "S26": backend(HoldsNothing),
+    "S27": backend(Remembers),
+    "S28": backend(OtherInEachProcess),
+    "S29": backend(Shared),
+    "S30": backend(LosesMotion),
+    "S31": backend(LosesContact),
+    "S32": backend(LosesGrasp),
+    "S33": backend(OwnBytesOnly),
+    "S34": backend(TakesAnyBytes),
+    "S35": backend(ClosesOnce),
+    "S36": backend(hasty.make, modules=("conformance.pretend_simulator",)),
+    "S37": backend(NoChild),
+    "S38": backend(OneTurnAtATime),
+    "S39": backend(Slippery),
+}
+INTACT = {
+    "kinematic": (backend(KinematicScene), {"S16", "S21"}),
+    "mobile": (backend(Mobile), {"S21"}),
+    "falling": (backend(Falling), {"S16"}),
+}
+"""Name -> a backend without a fault, and the numbers that do not apply to it."""

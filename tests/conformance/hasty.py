@@ -1,0 +1,13 @@
+"""A plugin module that imports its simulator at once, although only `make` may."""
+
+from __future__ import annotations
+
+from conformance import pretend_simulator
+
+from causalbench.core.kinematic import KinematicScene
+
+
+def make() -> KinematicScene:
+    """A scene that is right in every other way."""
+    assert pretend_simulator
+    return KinematicScene()

@@ -1,0 +1,80 @@
+"""The suite itself: a scene that is wrong in one way fails exactly that check, an intact one none."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from pathlib import Path
+
+import pytest
+from conformance.broken import BROKEN, INTACT
+
+from causalbench.conformance.bench import Bench
+from causalbench.conformance.suite import CHECKS, Result, run_check, run_checks
+from causalbench.errors import UnknownNameError, UserError
+
+NUMBERS = [check.number for check in CHECKS]
+IN_NEW_PROCESSES = {"S28", "S33", "S36", "S37"}
+
+
+def outcomes(results: list[Result], outcome: str) -> dict[str, str]:
+    return {result.number: result.message for result in results if result.outcome == outcome}
+
+
+def test_there_is_a_broken_scene_for_every_number() -> None:
+    assert list(BROKEN) == NUMBERS == [f"S{i}" for i in range(1, len(CHECKS) + 1)]
+
+
+@pytest.mark.parametrize("number", NUMBERS)
+def test_a_broken_scene_fails_exactly_its_check(number: str) -> None:
+    """New processes, which take most of the time, are only started for scenes that are wrong in them."""
+    bench = Bench(BROKEN[number])
+    checks = [check for check in CHECKS if number in IN_NEW_PROCESSES or check.number not in IN_NEW_PROCESSES]
+    failed = outcomes([run_check(check, bench) for check in checks], "fail")
+    assert list(failed) == [number], failed
+    assert len(failed[number]) > 30  # a sentence, not a bare name
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("number", NUMBERS)
+def test_a_broken_scene_fails_no_other_check_at_all(number: str) -> None:
+    assert list(outcomes(list(run_checks(BROKEN[number])), "fail")) == [number]
+
+
+@pytest.mark.parametrize("name", INTACT)
+def test_an_intact_scene_fails_nothing(name: str) -> None:
+    backend, inapplicable = INTACT[name]
+    results = list(run_checks(backend))
+    assert outcomes(results, "fail") == {}
+    assert set(outcomes(results, "not applicable")) == inapplicable
+    assert len(outcomes(results, "pass")) == len(CHECKS) - len(inapplicable)
+
+
+def test_a_known_gap_is_expected_and_a_closed_one_an_error() -> None:
+    gaps = {"S4": "the engine rounds", "S7": "a long story", "S21": "no gravity"}
+    results = list(run_checks(dataclasses.replace(BROKEN["S4"], known_gaps=gaps)))
+    assert list(outcomes(results, "known gap")) == ["S4"]
+    assert outcomes(results, "known gap")["S4"].startswith("the engine rounds (now: spec.control_dt 0.1 s is 3.33")
+    assert outcomes(results, "fail") == {
+        "S7": "a known gap (a long story), but the check says: pass. Remove it from known_gaps",
+        "S21": "a known gap (no gravity), but the check says: not applicable. Remove it from known_gaps",
+    }
+
+
+def test_gaps_must_name_a_number_and_a_reason() -> None:
+    with pytest.raises(UnknownNameError, match="unknown number in known_gaps 'S99'"):
+        next(run_checks(dataclasses.replace(BROKEN["S4"], known_gaps={"S99": "?"})))
+    with pytest.raises(UserError, match="gives no reason"):
+        next(run_checks(dataclasses.replace(BROKEN["S4"], known_gaps={"S4": " "})))
+
+
+def test_names_and_sentences_carry_the_number() -> None:
+    for check in CHECKS:
+        assert check.test_name.startswith(f"test_s{int(check.number[1:]):02d}_")
+        assert check.sentence.endswith(".")
+
+
+def test_the_documentation_lists_the_same_contract() -> None:
+    text = (Path(__file__).parents[2] / "docs" / "conformance.md").read_text()
+    lines = re.findall(r"^\*\*(S\d+)\.\*\* (.+)$", text, re.MULTILINE)
+    assert lines == [(check.number, check.sentence) for check in CHECKS]

@@ -1,0 +1,92 @@
+"""The oracle against the closed-form truth of the kinematic backend; the metrics against brute force."""
+
+import itertools
+
+import numpy as np
+import pytest
+from truth import TRUTH
+
+from causalbench.core.discovery.graph import manual_graph
+from causalbench.core.discovery.oracle import Grade, consult_oracle
+from causalbench.core.discovery.score import Score, score_graph, score_matrix
+from causalbench.core.kinematic import make
+from causalbench.core.tasks.pure_manipulation import TASK
+
+
+@pytest.fixture(scope="module")
+def truth():
+    return consult_oracle(TASK, make, 400, 0, lambda share, text: None)
+
+
+def test_oracle_finds_the_closed_form_truth_on_kinematic(truth):
+    found = {
+        stage.stage: {
+            term: {a for a, row in zip(stage.actions, stage.grades(), strict=True) if row[j] != Grade.absent}
+            for j, term in enumerate(stage.terms)
+        }
+        for stage in truth
+    }
+    assert found == TRUTH
+
+
+def test_where_restoring_is_exact_the_floor_is_zero(truth):
+    assert all((stage.floor == 0).all() for stage in truth)
+
+
+def test_the_interval_holds_the_effect(truth):
+    for stage in truth:
+        assert (stage.low <= stage.effect + 1e-12).all()
+        assert (stage.effect <= stage.high + 1e-12).all()
+
+
+def test_effect_of_a_linear_reward_is_known():
+    """r_eefy in stage 1 is 10 times the way along world y wherever the hand stays on its side: Var = E[d^2], T = 1."""
+    stage = consult_oracle(TASK, make, 400, 1, lambda share, text: None)[0]
+    effect = stage.effect[stage.actions.index("armx"), stage.terms.index("r_eefy")]
+    assert effect == pytest.approx(1.0, abs=0.1)
+
+
+def test_the_oracle_is_a_function_of_its_seed():
+    one, again, other = (consult_oracle(TASK, make, 30, seed, lambda share, text: None) for seed in (0, 0, 1))
+    for a, b in zip(one, again, strict=True):
+        np.testing.assert_array_equal(a.effect, b.effect)
+        np.testing.assert_array_equal(a.low, b.low)
+    assert any(not np.array_equal(a.effect, b.effect) for a, b in zip(one, other, strict=True))
+
+
+def test_score_of_the_humans_graph_names_its_two_mistakes(truth):
+    total = sum(score_graph(manual_graph(TASK), truth), Score(0, 0, 0))
+    # It lacks armx on r_eefz1 and has armrz on r_ori; ten edges are right.
+    assert total == Score(true_positives=10, false_positives=1, false_negatives=1)
+    assert (total.precision, total.recall, total.f1, total.shd) == (10 / 11, 10 / 11, 10 / 11, 2)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_metrics_have_the_properties_of_metrics(seed):
+    rng = np.random.default_rng(seed)
+    shape = (int(rng.integers(1, 6)), int(rng.integers(1, 5)))
+    selected, present = rng.random(shape) < 0.5, rng.random(shape) < 0.5
+    grades = [[Grade.strong if p else Grade.absent for p in row] for row in present]
+    score = score_matrix(selected, grades)
+    assert score.shd == int((selected != present).sum())
+    assert score.true_positives == int((selected & present).sum())
+    for value in (score.precision, score.recall, score.f1):
+        assert 0.0 <= value <= 1.0
+    assert score_matrix(present, grades) == Score(int(present.sum()), 0, 0)
+    assert score_matrix(present, grades).f1 == 1.0
+    if score.shd:
+        assert score.f1 < 1.0
+    # One more right cell never lowers F1.
+    for k, j in itertools.product(*map(range, shape)):
+        if selected[k, j] != present[k, j]:
+            better = selected.copy()
+            better[k, j] = present[k, j]
+            assert score_matrix(better, grades).f1 >= score.f1
+
+
+def test_weak_edges_count_only_when_asked():
+    grades = [[Grade.weak, Grade.strong, Grade.absent, Grade.untestable]]
+    matrix = np.array([[False, True, True, True]])
+    assert score_matrix(matrix, grades) == Score(1, 1, 0)
+    assert score_matrix(matrix, grades, weak_is_present=True) == Score(1, 1, 1)
+    assert score_matrix(matrix, grades, weak_is_present=False) == Score(1, 1, 0)
