@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 KNOWN_GAPS = {
-    "S20": "fingers that nothing holds back creep up to 1.6 mm to their target in 2 s: the Panda gripper's dry friction "
+    "S20": "fingers that nothing holds back creep up to 1.6 mm to their target in 2 s: the hand's dry friction "
     "is regularised; the force on a held box stays"
 }
 
