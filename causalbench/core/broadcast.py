@@ -16,3 +16,8 @@ def broadcast(types: str, layout: str) -> Callable[[Callable[..., None]], Any]:
     numpy calls cost 30, and far more once physics has emptied the caches. Compiled once per machine, cached on disk.
     """
     return numba.guvectorize([f"void({types})"], layout, nopython=True, cache=True)  # type: ignore[no-untyped-call]
+
+
+def scalar(function: Callable[..., Any]) -> Callable[..., Any]:
+    """A decorator for a helper that `broadcast` functions of the same file call."""
+    return numba.njit(cache=True)(function)

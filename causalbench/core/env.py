@@ -75,22 +75,27 @@ class Observer:
     """
 
     def __init__(self, task: Task, spec: SceneSpec, observe_gripper: bool) -> None:
-        self._task, self._max_opening, self._observe_gripper = task, spec.max_opening, observe_gripper
-        self._low, self._high = (bound.astype(np.float32) for bound in task.state_bounds(spec.workspace))
+        low, high = (bound.astype(np.float32) for bound in task.state_bounds(spec.workspace))
+        self._task, self._n_state, self._observe_gripper = task, len(low), observe_gripper
         spaces: dict[str, gym.Space[Any]] = {
-            "state": gym.spaces.Box(self._low, self._high, dtype=np.float32),
+            "state": gym.spaces.Box(low, high, dtype=np.float32),
             "stage": gym.spaces.Discrete(task.n_stages),
         }
         if observe_gripper:
             spaces["gripper"] = gym.spaces.Box(0.0, spec.max_opening, (1,), np.float32)
         self.space = gym.spaces.Dict(spaces)
+        # The opening is clipped together with the state, in one array that is the observation's own.
+        self._low, self._high = np.append(low, np.float32(0)), np.append(high, np.float32(spec.max_opening))
 
     def __call__(self, facts: Facts, stage: NDArray[np.int64]) -> Observation:
-        state = self._task.observe(facts).astype(np.float32)
-        obs: Observation = {"state": np.minimum(np.maximum(state, self._low), self._high), "stage": stage - 1}
+        values = np.empty((*facts.gripper_opening.shape, self._n_state + 1), dtype=np.float32)
+        values[..., :-1] = self._task.observe(facts)
+        values[..., -1] = facts.gripper_opening
+        np.maximum(values, self._low, out=values)
+        np.minimum(values, self._high, out=values)
+        obs: Observation = {"state": values[..., :-1], "stage": stage - 1}
         if self._observe_gripper:
-            opening = np.minimum(np.maximum(facts.gripper_opening, 0.0), self._max_opening)
-            obs["gripper"] = np.asarray(opening, dtype=np.float32)[..., None]
+            obs["gripper"] = values[..., -1:]
         return obs
 
 

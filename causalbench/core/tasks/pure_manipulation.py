@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from causalbench.core import rotations
-from causalbench.core.broadcast import broadcast
+from causalbench.core.broadcast import broadcast, scalar
 from causalbench.core.layout import Box, Layout, Workspace
 from causalbench.core.scene import Facts, SceneSpec
 from causalbench.core.tasks.stages import active_terms
@@ -182,24 +182,29 @@ def tilt(facts: Facts) -> Array:
     return _tilt(facts.eef_quaternion)
 
 
+@scalar
+def _angle(posture: Array) -> float:
+    return math.acos(min(2.0 * (posture[1] ** 2 + posture[2] ** 2) - 1.0, 1.0))
+
+
 @broadcast("f8[:], f8[:]", "(q)->()")
 def _tilt(posture: Array, out: Array) -> None:
-    out[0] = math.acos(min(2.0 * (posture[1] ** 2 + posture[2] ** 2) - 1.0, 1.0))
+    out[0] = _angle(posture)
 
 
 def stage(facts: Facts) -> NDArray[np.int64]:
     """U(s), int (...), 1 to 4: a memoryless function of the relative pose, so that progress can reverse."""
-    return _stage(facts.eef_position, facts.object_position, tilt(facts))
+    return _stage(facts.eef_position, facts.eef_quaternion, facts.object_position)
 
 
-@broadcast("f8[:], f8[:], f8, i8[:]", "(p),(p),()->()")
-def _stage(hand: Array, box: Array, angle: float, out: Array) -> None:
+@broadcast("f8[:], f8[:], f8[:], i8[:]", "(p),(q),(p)->()")
+def _stage(hand: Array, posture: Array, box: Array, out: Array) -> None:
     x, y, z = hand[0] - box[0], hand[1] - box[1], hand[2] - box[2]
     out[0] = 1
     if abs(x) < TOLERANCE_XY and abs(y) < TOLERANCE_XY:
         if abs(z - HOVER) < TOLERANCE_HOVER:
             out[0] = 2
-        if angle < TOLERANCE_ORI and GRASP_HEIGHT - TOLERANCE_GRASP < z < HOVER + TOLERANCE_HOVER:
+        if _angle(posture) < TOLERANCE_ORI and GRASP_HEIGHT - TOLERANCE_GRASP < z < HOVER + TOLERANCE_HOVER:
             out[0] = 4 if abs(z - GRASP_HEIGHT) < TOLERANCE_GRASP else 3
 
 
@@ -213,10 +218,12 @@ def rewards(
 ) -> Array:
     """Reward vector (..., 9) of the step; terms outside `stage` = U(previous) are 0 (paper, Reward Setting)."""
     return _rewards(
-        previous.eef_position - previous.object_position,
-        now.eef_position - now.object_position,
-        tilt(previous),
-        tilt(now),
+        previous.eef_position,
+        previous.eef_quaternion,
+        previous.object_position,
+        now.eef_position,
+        now.eef_quaternion,
+        now.object_position,
         stage,
         next_stage,
         action,
@@ -227,17 +234,21 @@ def rewards(
     )
 
 
-@broadcast("f8[:], f8[:], f8, f8, i8, i8, f8[:], b1, b1, b1, b1[:], f8[:]", "(p),(p),(),(),(),(),(k),(),(),(),(t)->(t)")
+@broadcast(
+    "f8[:], f8[:], f8[:], f8[:], f8[:], f8[:], i8, i8, f8[:], b1, b1, b1, b1[:], f8[:]",
+    "(p),(q),(p),(p),(q),(p),(),(),(k),(),(),(),(t)->(t)",
+)
 def _rewards(
-    before: Array, after: Array, tilt_before: float, tilt_after: float, stage: int, next_stage: int, action: Array,
-    holding: bool, collision_arm: bool, collision_self: bool, active: Array, out: Array,
+    hand: Array, posture: Array, box: Array, next_hand: Array, next_posture: Array, next_box: Array, stage: int,
+    next_stage: int, action: Array, holding: bool, collision_arm: bool, collision_self: bool, active: Array, out: Array,
 ) -> None:  # fmt: skip
     done = stage == 4 and holding
-    out[0] = DISTANCE_SCALE * (abs(before[0]) - abs(after[0]))
-    out[1] = DISTANCE_SCALE * (abs(before[1]) - abs(after[1]))
-    out[2] = DISTANCE_SCALE * (abs(before[2] - HOVER) - abs(after[2] - HOVER))
-    out[3] = ANGLE_SCALE * (tilt_before - tilt_after)
-    out[4] = DISTANCE_SCALE * (abs(before[2] - GRASP_HEIGHT) - abs(after[2] - GRASP_HEIGHT))
+    height, next_height = hand[2] - box[2], next_hand[2] - next_box[2]
+    out[0] = DISTANCE_SCALE * (abs(hand[0] - box[0]) - abs(next_hand[0] - next_box[0]))
+    out[1] = DISTANCE_SCALE * (abs(hand[1] - box[1]) - abs(next_hand[1] - next_box[1]))
+    out[2] = DISTANCE_SCALE * (abs(height - HOVER) - abs(next_height - HOVER))
+    out[3] = ANGLE_SCALE * (_angle(posture) - _angle(next_posture))
+    out[4] = DISTANCE_SCALE * (abs(height - GRASP_HEIGHT) - abs(next_height - GRASP_HEIGHT))
     out[5] = GRASP if done else EARLY_CLOSE if stage < 4 and action[6] > 0.0 else 0.0
     out[6] = COLLISION if collision_arm else 0.0
     out[7] = COLLISION if collision_self else 0.0
