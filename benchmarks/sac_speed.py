@@ -19,8 +19,8 @@ from stable_baselines3.common.logger import configure
 from causalbench.core.discovery.graph import manual_graph
 from causalbench.core.learners.causal_gradient import stage_plan
 from causalbench.core.learners.methods import METHODS
+from causalbench.core.learners.sac_agent import SACAgent
 from causalbench.core.learners.settings import SACSettings
-from causalbench.core.learners.staged_sac import SACAgent
 from causalbench.core.tasks.pure_manipulation import TASK
 
 N_OBS, SAMPLES, TURNS = 16, 10_000, 7

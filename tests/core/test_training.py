@@ -15,13 +15,13 @@ from causalbench.core.batch import make_batch
 from causalbench.core.discovery.graph import manual_graph
 from causalbench.core.env import StageTaskEnv
 from causalbench.core.kinematic import KinematicScene, make
-from causalbench.core.learners.causal_gradient import stage_plan
 from causalbench.core.learners.counting import Counter
 from causalbench.core.learners.evaluate import evaluate
 from causalbench.core.learners.methods import METHODS
 from causalbench.core.learners.policy import ObservationScale, StagedPolicy, load_policy
 from causalbench.core.learners.settings import EvaluationSettings, SACSettings
-from causalbench.core.learners.training import StagedSAC, train
+from causalbench.core.learners.staged_sac import StagedSAC
+from causalbench.core.learners.training import train
 from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench.core.vector_env import StageTaskVectorEnv
 from causalbench.errors import InvalidGraphError, UserError
@@ -83,8 +83,8 @@ def test_a_discovered_graph_is_needed_and_checked():
 def _learner(name="cmmSAC", **changes):
     settings = dataclasses.replace(TINY, **changes)
     env = StageTaskVectorEnv(TASK, make_batch(make, settings.n_envs))
-    plans = [stage_plan(TASK, METHOD[name], manual_graph(TASK), s) for s in (1, 2, 3, 4)]
-    return StagedSAC(TASK, plans, ObservationScale.of(env.single_observation_space), settings, 0), env
+    scale = ObservationScale.of(env.single_observation_space)
+    return StagedSAC(TASK, METHOD[name], manual_graph(TASK), scale, settings, 0), env
 
 
 def test_steps_go_to_the_agent_of_the_stage_they_began_in():
@@ -94,8 +94,8 @@ def test_steps_go_to_the_agent_of_the_stage_they_began_in():
     done = np.zeros(5)
     for _ in range(60):
         actions = TASK.expert(env._facts, env.batch.spec)
-        next_obs, _, _, _, infos = env.step(actions)
-        learner.remember(obs, actions, infos)
+        next_obs, _, terminated, truncated, infos = env.step(actions)
+        learner.remember(obs, actions, infos, terminated | truncated)
         np.add.at(stages, infos["stage"], 1)
         left = (infos["next_stage"] != infos["stage"]) | infos["is_success"]
         np.add.at(done, infos["stage"], left)
@@ -129,9 +129,9 @@ def test_a_stage_trains_only_on_new_samples_of_its_own():
     history = []
     for _ in range(40):
         actions = np.zeros((1, 7))  # stays in stage 1
-        next_obs, _, _, _, infos = env.step(actions)
-        learner.remember(obs, actions, infos)
-        learner.train(cooperation=False)
+        next_obs, _, terminated, truncated, infos = env.step(actions)
+        learner.remember(obs, actions, infos, terminated | truncated)
+        learner.train()
         obs = next_obs
         history.append([agent.updates for agent in learner.agents])
     stage_1 = [updates[0] for updates in history]

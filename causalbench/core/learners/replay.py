@@ -7,6 +7,8 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
+from causalbench.core.learners.learner import State
+
 
 class Batch(NamedTuple):
     """Sampled transitions, float32. `done` is 1 where the stage changed or the task succeeded, never at time limits."""
@@ -45,3 +47,14 @@ class StageBuffer:
         """Uniform, with replacement."""
         rows = torch.randint(self.size, (batch_size,), generator=generator)
         return Batch(*(store[rows] for store in self.data))
+
+    def state(self) -> State:
+        """The transitions it holds and its counters."""
+        held = {name: store[: self.size] for name, store in self.data._asdict().items()}
+        return held | {"position": self.position, "new": self.new}
+
+    def load_state(self, state: State) -> None:
+        """What `state` gave to a buffer of the same capacity."""
+        self.size, self.position, self.new = len(state["done"]), state["position"], state["new"]
+        for name, store in self.data._asdict().items():
+            store[: self.size] = state[name]

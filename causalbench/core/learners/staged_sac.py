@@ -1,147 +1,119 @@
-"""Soft actor-critic for one stage, with the causal policy gradient (paper, sections Causal Policy Gradient, Training).
-
-Haarnoja et al. 2018 with twin critics and a learned temperature, in the order of stable-baselines3's SAC: with one
-critic and an all-ones mask losses and gradients are SB3's. What the paper adds is one line of `actor_loss`.
-"""
+"""Soft actor-critic of all stages: one `SACAgent` each, and the routing between them (paper, Algorithm 3)."""
 
 from __future__ import annotations
 
-import math
+from collections.abc import Mapping
+from typing import Any
 
+import numpy as np
 import torch
-from torch import Tensor
+from numpy.typing import NDArray
 
-from causalbench.core.learners.causal_gradient import StagePlan
-from causalbench.core.learners.networks import (
-    actor_forward,
-    critics_forward,
-    init_actor,
-    init_critics,
-    squashed_sample,
-)
-from causalbench.core.learners.replay import Batch, StageBuffer
+from causalbench.core.discovery.graph import CausalGraph
+from causalbench.core.env import Observation
+from causalbench.core.learners.causal_gradient import stage_plan
+from causalbench.core.learners.learner import State, below, prefixed
+from causalbench.core.learners.methods import Method
+from causalbench.core.learners.policy import ObservationScale, StagedPolicy
+from causalbench.core.learners.replay import Batch
+from causalbench.core.learners.sac_agent import SACAgent
 from causalbench.core.learners.settings import SACSettings
-from causalbench.errors import DivergedError
-
-SCALE_DECAY = 0.99  # of the running mean |Q| that cSAC normalises by
-LEAST_SCALE = 1e-2
+from causalbench.core.tasks.task import Task
 
 
-class SACAgent:
-    """The agent A_i of one stage: policy, critics, temperature and buffer."""
+class StagedSAC:
+    """See `StagedLearner`. Off-policy: an agent trains once its buffer holds enough new samples."""
 
-    def __init__(self, plan: StagePlan, n_obs: int, settings: SACSettings, seed: int) -> None:
-        self.plan, self.settings = plan, settings
-        self.generator = torch.Generator().manual_seed(seed)
-        n_actions, n_critics = plan.mask.shape
-        arch, lr = settings.net_arch, settings.learning_rate
-        self.actor = init_actor(n_obs, arch, n_actions, self.generator)
-        self.critics = init_critics(
-            2 * n_critics, n_obs + n_actions, arch, 1, self.generator
-        )  # twins: c, c + n_critics
-        self.targets = [w.clone() for w in self.critics]
-        self.log_alpha = torch.tensor([math.log(settings.ent_coef_init)])
-        for w in (*self.actor, *self.critics, self.log_alpha):
-            w.requires_grad_()
-        self.actor_optimizer = torch.optim.Adam(self.actor, lr, fused=True)
-        self.critic_optimizer = torch.optim.Adam(self.critics, lr, fused=True)
-        self.alpha_optimizer = torch.optim.Adam([self.log_alpha], lr)
-        self.target_entropy = -float(n_actions)
-        self.mask = torch.from_numpy(plan.mask).float().T[:, None, :]  # (n_critics, 1, n_actions)
-        self.entropy = torch.from_numpy(plan.entropy).float()[:, None]  # (n_critics, 1)
-        self.buffer = StageBuffer(settings.buffer_size, n_obs, n_actions, n_critics)
-        self.own_scale = self.next_scale = 1.0  # running mean |Q| of both critics on this stage's states (cSAC)
-        self.updates = 0
+    def __init__(
+        self,
+        task: Task,
+        method: Method,
+        graph: CausalGraph | None,
+        scale: ObservationScale,
+        settings: SACSettings,
+        seed: int,
+    ) -> None:
+        self.task, self.method, self.scale, self.settings = task, method, scale, settings
+        self.plans = [stage_plan(task, method, graph, i, settings.critics) for i in range(1, task.n_stages + 1)]
+        seeds = np.random.SeedSequence(seed).generate_state(task.n_stages + 2)
+        self.agents = [
+            SACAgent(plan, len(scale.low), settings, int(s)) for plan, s in zip(self.plans, seeds, strict=False)
+        ]
+        self.rng = np.random.default_rng(int(seeds[-1]))
+        self.policy = StagedPolicy(
+            [agent.actor for agent in self.agents],
+            [plan.actions for plan in self.plans],
+            len(task.actions),
+            scale,
+            seed=int(seeds[-2]),
+        )
 
-    def act(self, obs: Tensor, deterministic: bool) -> Tensor:
-        """Actions (n, n_actions) in [-1, 1] of the agent's own dimensions; `obs` (n, n_obs)."""
-        with torch.no_grad():
-            mean, log_std = actor_forward(self.actor, obs)
-            if deterministic:
-                return torch.tanh(mean)
-            return squashed_sample(mean, log_std, self._noise(mean.shape))[0]
+    def act(self, obs: Observation) -> NDArray[np.float64]:
+        """Algorithm 3, "select agent u(s_t)": actions (n, n_actions), other dimensions 0.
 
-    def train(self, gradient_steps: int, next_agent: SACAgent | None = None) -> None:
-        """Algorithm 3, line "training pi_i": `gradient_steps` updates on batches of the buffer.
-
-        `next_agent` is the next stage's, for cooperation (cSAC). Raises `DivergedError` when a loss is not finite.
+        An agent whose buffer holds fewer than `learning_starts` samples acts uniformly at random.
         """
-        for _ in range(gradient_steps):
-            batch = self.buffer.sample(self.settings.batch_size, self.generator)
-            noise, next_noise = self._noise(batch.actions.shape), self._noise(batch.actions.shape)
-            alpha = self.log_alpha.detach().exp()
-            action, log_prob = squashed_sample(*actor_forward(self.actor, batch.obs), noise)
+        stages, inputs = obs["stage"], self.scale(obs)
+        actions = np.zeros((len(stages), len(self.task.actions)))
+        for index in set(stages.tolist()):
+            rows = np.flatnonzero(stages == index)
+            agent, own = self.agents[index], self.plans[index].actions
+            if agent.buffer.size < self.settings.learning_starts:
+                chosen = self.rng.uniform(-1.0, 1.0, (len(rows), len(own)))
+            else:
+                chosen = agent.act(inputs[rows], deterministic=False).numpy()
+            actions[np.ix_(rows, own)] = chosen
+        return actions
 
-            self._descend(self.alpha_optimizer, [self.log_alpha], self.alpha_loss(log_prob.detach()))
-            critic_loss = self.critic_loss(batch, alpha, next_noise)
-            self._descend(self.critic_optimizer, self.critics, critic_loss)
-            actor_loss = self.actor_loss(batch.obs, action, log_prob, alpha, next_agent)
-            self._descend(self.actor_optimizer, self.actor, actor_loss)
-            with torch.no_grad():
-                torch._foreach_lerp_(self.targets, self.critics, self.settings.tau)
-            self.updates += 1
-        if gradient_steps and not bool(torch.isfinite(critic_loss + actor_loss)):
-            raise DivergedError(
-                f"loss is not finite after {self.updates} updates "
-                f"(critic {float(critic_loss.detach())}, actor {float(actor_loss.detach())})"
+    def remember(
+        self, obs: Observation, actions: NDArray[Any], infos: Mapping[str, Any], over: NDArray[np.bool_]
+    ) -> None:
+        """Store each world's transition with the agent of the stage it began in; leaving the stage ends its episode.
+
+        `over` does not matter: time limits bootstrap.
+        """
+        inputs, next_inputs = self.scale(obs), self.scale(infos["final_obs"])
+        done = (infos["next_stage"] != infos["stage"]) | infos["is_success"]
+        for stage in set(infos["stage"].tolist()):
+            rows = np.flatnonzero(infos["stage"] == stage)
+            plan = self.plans[stage - 1]
+            self.agents[stage - 1].buffer.add(
+                Batch(
+                    inputs[rows],
+                    torch.from_numpy(actions[np.ix_(rows, plan.actions)]).float(),
+                    torch.from_numpy(infos["vector_reward"][rows] @ plan.reward_groups.T).float(),
+                    next_inputs[rows],
+                    torch.from_numpy(done[rows]).float(),
+                )
             )
 
-    def alpha_loss(self, log_prob: Tensor) -> Tensor:
-        """Temperature loss; the target entropy is minus the number of the agent's own actions."""
-        return -(self.log_alpha * (log_prob + self.target_entropy)).mean()
+    def train(self) -> None:
+        """Algorithm 3, lines "if the cumulative number of new samples >= count: training pi_i"."""
+        starts = self.settings.learning_starts
+        for agent, following in zip(self.agents, [*self.agents[1:], None], strict=True):
+            if agent.buffer.size < starts:
+                agent.buffer.new = 0
+            elif agent.buffer.new >= self.settings.train_every:
+                steps = int(agent.buffer.new * self.settings.updates_per_sample)
+                agent.buffer.new = 0
+                # The next critic says nothing about this stage's states until it has seen data of its own.
+                ready = self.method.cooperation and following is not None and following.buffer.size >= starts
+                agent.train(steps, following if ready else None)
 
-    def critic_loss(self, batch: Batch, alpha: Tensor, next_noise: Tensor) -> Tensor:
-        """Half the squared Bellman error, averaged over the batch and summed over all critics."""
-        with torch.no_grad():
-            next_action, next_log_prob = squashed_sample(*actor_forward(self.actor, batch.next_obs), next_noise)
-            next_q = self._twin_min(critics_forward(self.targets, torch.cat([batch.next_obs, next_action], 1)))
-            soft = next_q - self.entropy * alpha * next_log_prob
-            target = batch.rewards.T + self.settings.gamma * (1 - batch.done) * soft
-        q = critics_forward(self.critics, torch.cat([batch.obs, batch.actions], 1))
-        return 0.5 * (q.view(2, *target.shape) - target).pow(2).mean(-1).sum()
+    def updates(self) -> dict[int, int]:
+        """Stage -> gradient updates so far."""
+        return {stage: agent.updates for stage, agent in enumerate(self.agents, 1)}
 
-    def actor_loss(
-        self, obs: Tensor, action: Tensor, log_prob: Tensor, alpha: Tensor, next_agent: SACAgent | None = None
-    ) -> Tensor:
-        """Paper, eq. of the causal policy gradient: action k climbs just the critics of the rewards it causes."""
-        value = self.masked_value(obs, action)
-        if next_agent is not None:
-            # Erskine and Lehnert 2022, our reading (docs/learners.md): a convex combination of both values in units
-            # of their own running size, times this critic's size so that the temperature keeps its meaning.
-            share = self.settings.cooperation_weight
-            other = next_agent.masked_value(obs, action)
-            self.own_scale = _running_scale(self.own_scale, value)
-            self.next_scale = _running_scale(self.next_scale, other)
-            scale, other_scale = max(self.own_scale, LEAST_SCALE), max(self.next_scale, LEAST_SCALE)
-            value = scale * ((1 - share) * value / scale + share * other / other_scale)
-        return (alpha * log_prob - value).mean()
+    def state(self) -> State:
+        """The agents', and the generators of random starts and of the policy."""
+        own: State = {"rng": self.rng.bit_generator.state, "policy_generator": self.policy.generator.get_state()}
+        for stage, agent in enumerate(self.agents, 1):
+            own |= prefixed(f"stage{stage}", agent.state())
+        return own
 
-    def masked_value(self, obs: Tensor, action: Tensor) -> Tensor:
-        """(batch,) sum of the critics, critic c seeing as constants the actions that do not cause its rewards."""
-        if bool((self.plan.mask).all()):
-            inputs = torch.cat([obs, action], 1)
-        else:
-            seen = self.mask * action + (1 - self.mask) * action.detach()  # (n_critics, batch, n_actions)
-            inputs = torch.cat([obs.expand(len(seen), -1, -1), seen], 2).repeat(2, 1, 1)
-        return self._twin_min(critics_forward(self.critics, inputs)).sum(0)
-
-    def _twin_min(self, q: Tensor) -> Tensor:
-        """(n_critics, batch) the lesser twin of (2 * n_critics, batch)."""
-        twins = q.view(2, -1, q.shape[-1])
-        if not self.plan.joint_twin:
-            return twins.amin(0)
-        totals = twins.sum(1)
-        return torch.where(totals[0] <= totals[1], twins[0], twins[1])
-
-    def _noise(self, shape: torch.Size) -> Tensor:
-        return torch.randn(shape, generator=self.generator)
-
-    @staticmethod
-    def _descend(optimizer: torch.optim.Optimizer, weights: list[Tensor], loss: Tensor) -> None:
-        for w, gradient in zip(weights, torch.autograd.grad(loss, weights), strict=True):
-            w.grad = gradient
-        optimizer.step()
-
-
-def _running_scale(scale: float, value: Tensor) -> float:
-    return SCALE_DECAY * scale + (1 - SCALE_DECAY) * float(value.detach().abs().mean())
+    def load_state(self, state: State) -> None:
+        """Go on from `state`."""
+        self.rng.bit_generator.state = state["rng"]
+        self.policy.generator.set_state(state["policy_generator"])
+        for stage, agent in enumerate(self.agents, 1):
+            agent.load_state(below(f"stage{stage}", state))

@@ -14,8 +14,8 @@ from causalbench.core.discovery.graph import manual_graph
 from causalbench.core.learners.causal_gradient import StagePlan, stage_plan, training_matrix
 from causalbench.core.learners.methods import METHODS
 from causalbench.core.learners.replay import Batch, StageBuffer
+from causalbench.core.learners.sac_agent import SACAgent
 from causalbench.core.learners.settings import PRESETS, SACSettings
-from causalbench.core.learners.staged_sac import SACAgent
 from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench.errors import DivergedError
 

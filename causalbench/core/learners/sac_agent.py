@@ -1,0 +1,185 @@
+"""Soft actor-critic for one stage, with the causal policy gradient (paper, sections Causal Policy Gradient, Training).
+
+Haarnoja et al. 2018 with twin critics and a learned temperature, in the order of stable-baselines3's SAC: with one
+critic and an all-ones mask losses and gradients are SB3's. What the paper adds is one line of `actor_loss`.
+"""
+
+from __future__ import annotations
+
+import math
+
+import torch
+from torch import Tensor
+
+from causalbench.core.learners.causal_gradient import StagePlan
+from causalbench.core.learners.learner import (
+    State,
+    below,
+    load_optimizer,
+    load_tensors,
+    optimizer_state,
+    prefixed,
+    tensor_state,
+)
+from causalbench.core.learners.networks import (
+    actor_forward,
+    critics_forward,
+    init_actor,
+    init_critics,
+    squashed_sample,
+)
+from causalbench.core.learners.replay import Batch, StageBuffer
+from causalbench.core.learners.settings import SACSettings
+from causalbench.errors import DivergedError
+
+SCALE_DECAY = 0.99  # of the running mean |Q| that cSAC normalises by
+LEAST_SCALE = 1e-2
+
+
+class SACAgent:
+    """The agent A_i of one stage: policy, critics, temperature and buffer."""
+
+    def __init__(self, plan: StagePlan, n_obs: int, settings: SACSettings, seed: int) -> None:
+        self.plan, self.settings = plan, settings
+        self.generator = torch.Generator().manual_seed(seed)
+        n_actions, n_critics = plan.mask.shape
+        arch, lr = settings.net_arch, settings.learning_rate
+        self.actor = init_actor(n_obs, arch, n_actions, self.generator)
+        self.critics = init_critics(
+            2 * n_critics, n_obs + n_actions, arch, 1, self.generator
+        )  # twins: c, c + n_critics
+        self.targets = [w.clone() for w in self.critics]
+        self.log_alpha = torch.tensor([math.log(settings.ent_coef_init)])
+        for w in (*self.actor, *self.critics, self.log_alpha):
+            w.requires_grad_()
+        self.actor_optimizer = torch.optim.Adam(self.actor, lr, fused=True)
+        self.critic_optimizer = torch.optim.Adam(self.critics, lr, fused=True)
+        self.alpha_optimizer = torch.optim.Adam([self.log_alpha], lr)
+        self.target_entropy = -float(n_actions)
+        self.mask = torch.from_numpy(plan.mask).float().T[:, None, :]  # (n_critics, 1, n_actions)
+        self.entropy = torch.from_numpy(plan.entropy).float()[:, None]  # (n_critics, 1)
+        self.buffer = StageBuffer(settings.buffer_size, n_obs, n_actions, n_critics)
+        self.own_scale = self.next_scale = 1.0  # running mean |Q| of both critics on this stage's states (cSAC)
+        self.updates = 0
+
+    def act(self, obs: Tensor, deterministic: bool) -> Tensor:
+        """Actions (n, n_actions) in [-1, 1] of the agent's own dimensions; `obs` (n, n_obs)."""
+        with torch.no_grad():
+            mean, log_std = actor_forward(self.actor, obs)
+            if deterministic:
+                return torch.tanh(mean)
+            return squashed_sample(mean, log_std, self._noise(mean.shape))[0]
+
+    def train(self, gradient_steps: int, next_agent: SACAgent | None = None) -> None:
+        """Algorithm 3, line "training pi_i": `gradient_steps` updates on batches of the buffer.
+
+        `next_agent` is the next stage's, for cooperation (cSAC). Raises `DivergedError` when a loss is not finite.
+        """
+        for _ in range(gradient_steps):
+            batch = self.buffer.sample(self.settings.batch_size, self.generator)
+            noise, next_noise = self._noise(batch.actions.shape), self._noise(batch.actions.shape)
+            alpha = self.log_alpha.detach().exp()
+            action, log_prob = squashed_sample(*actor_forward(self.actor, batch.obs), noise)
+
+            self._descend(self.alpha_optimizer, [self.log_alpha], self.alpha_loss(log_prob.detach()))
+            critic_loss = self.critic_loss(batch, alpha, next_noise)
+            self._descend(self.critic_optimizer, self.critics, critic_loss)
+            actor_loss = self.actor_loss(batch.obs, action, log_prob, alpha, next_agent)
+            self._descend(self.actor_optimizer, self.actor, actor_loss)
+            with torch.no_grad():
+                torch._foreach_lerp_(self.targets, self.critics, self.settings.tau)
+            self.updates += 1
+        if gradient_steps and not bool(torch.isfinite(critic_loss + actor_loss)):
+            raise DivergedError(
+                f"loss is not finite after {self.updates} updates "
+                f"(critic {float(critic_loss.detach())}, actor {float(actor_loss.detach())})"
+            )
+
+    def state(self) -> State:
+        """Weights, optimisers, buffer, generator and counts."""
+        own: State = {
+            "generator": self.generator.get_state(),
+            "own_scale": self.own_scale,
+            "next_scale": self.next_scale,
+            "updates": self.updates,
+        }
+        for name, weights, optimizer in self._trained():
+            own |= prefixed(name, tensor_state(weights)) | prefixed(f"{name}_optimizer", optimizer_state(optimizer))
+        return own | prefixed("targets", tensor_state(self.targets)) | prefixed("buffer", self.buffer.state())
+
+    def load_state(self, state: State) -> None:
+        """Go on from `state`."""
+        self.generator.set_state(state["generator"])
+        self.own_scale, self.next_scale, self.updates = state["own_scale"], state["next_scale"], state["updates"]
+        for name, weights, optimizer in self._trained():
+            load_tensors(weights, below(name, state))
+            load_optimizer(optimizer, below(f"{name}_optimizer", state))
+        load_tensors(self.targets, below("targets", state))
+        self.buffer.load_state(below("buffer", state))
+
+    def _trained(self) -> tuple[tuple[str, list[Tensor], torch.optim.Optimizer], ...]:
+        return (
+            ("actor", self.actor, self.actor_optimizer),
+            ("critics", self.critics, self.critic_optimizer),
+            ("log_alpha", [self.log_alpha], self.alpha_optimizer),
+        )
+
+    def alpha_loss(self, log_prob: Tensor) -> Tensor:
+        """Temperature loss; the target entropy is minus the number of the agent's own actions."""
+        return -(self.log_alpha * (log_prob + self.target_entropy)).mean()
+
+    def critic_loss(self, batch: Batch, alpha: Tensor, next_noise: Tensor) -> Tensor:
+        """Half the squared Bellman error, averaged over the batch and summed over all critics."""
+        with torch.no_grad():
+            next_action, next_log_prob = squashed_sample(*actor_forward(self.actor, batch.next_obs), next_noise)
+            next_q = self._twin_min(critics_forward(self.targets, torch.cat([batch.next_obs, next_action], 1)))
+            soft = next_q - self.entropy * alpha * next_log_prob
+            target = batch.rewards.T + self.settings.gamma * (1 - batch.done) * soft
+        q = critics_forward(self.critics, torch.cat([batch.obs, batch.actions], 1))
+        return 0.5 * (q.view(2, *target.shape) - target).pow(2).mean(-1).sum()
+
+    def actor_loss(
+        self, obs: Tensor, action: Tensor, log_prob: Tensor, alpha: Tensor, next_agent: SACAgent | None = None
+    ) -> Tensor:
+        """Paper, eq. of the causal policy gradient: action k climbs just the critics of the rewards it causes."""
+        value = self.masked_value(obs, action)
+        if next_agent is not None:
+            # Erskine and Lehnert 2022, our reading (docs/learners.md): a convex combination of both values in units
+            # of their own running size, times this critic's size so that the temperature keeps its meaning.
+            share = self.settings.cooperation_weight
+            other = next_agent.masked_value(obs, action)
+            self.own_scale = _running_scale(self.own_scale, value)
+            self.next_scale = _running_scale(self.next_scale, other)
+            scale, other_scale = max(self.own_scale, LEAST_SCALE), max(self.next_scale, LEAST_SCALE)
+            value = scale * ((1 - share) * value / scale + share * other / other_scale)
+        return (alpha * log_prob - value).mean()
+
+    def masked_value(self, obs: Tensor, action: Tensor) -> Tensor:
+        """(batch,) sum of the critics, critic c seeing as constants the actions that do not cause its rewards."""
+        if bool((self.plan.mask).all()):
+            inputs = torch.cat([obs, action], 1)
+        else:
+            seen = self.mask * action + (1 - self.mask) * action.detach()  # (n_critics, batch, n_actions)
+            inputs = torch.cat([obs.expand(len(seen), -1, -1), seen], 2).repeat(2, 1, 1)
+        return self._twin_min(critics_forward(self.critics, inputs)).sum(0)
+
+    def _twin_min(self, q: Tensor) -> Tensor:
+        """(n_critics, batch) the lesser twin of (2 * n_critics, batch)."""
+        twins = q.view(2, -1, q.shape[-1])
+        if not self.plan.joint_twin:
+            return twins.amin(0)
+        totals = twins.sum(1)
+        return torch.where(totals[0] <= totals[1], twins[0], twins[1])
+
+    def _noise(self, shape: torch.Size) -> Tensor:
+        return torch.randn(shape, generator=self.generator)
+
+    @staticmethod
+    def _descend(optimizer: torch.optim.Optimizer, weights: list[Tensor], loss: Tensor) -> None:
+        for w, gradient in zip(weights, torch.autograd.grad(loss, weights), strict=True):
+            w.grad = gradient
+        optimizer.step()
+
+
+def _running_scale(scale: float, value: Tensor) -> float:
+    return SCALE_DECAY * scale + (1 - SCALE_DECAY) * float(value.detach().abs().mean())
