@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from causalbench.core.discovery.discoverers import DISCOVERERS, Discoverer
 from causalbench.core.kinematic import SPEC
 from causalbench.core.kinematic import make as make_kinematic
 from causalbench.core.learners.methods import METHODS, Method
@@ -34,3 +35,10 @@ def causalbench_methods(register: Callable[[Method], None]) -> None:
     """The paper's methods."""
     for method in METHODS:
         register(method)
+
+
+@hookimpl
+def causalbench_discoverers(register: Callable[[Discoverer], None]) -> None:
+    """The paper's discovery and those it is compared with."""
+    for discoverer in DISCOVERERS.values():
+        register(discoverer)

@@ -126,6 +126,7 @@ def plan(
 def discover(
     backend: Annotated[str, typer.Option(help="Where to discover.")] = "kinematic",
     task: Annotated[str, typer.Option(help="What for.")] = "pure_manipulation",
+    discoverer: Annotated[str, typer.Option(help="How: the paper's kl, or another of docs/discovery.md.")] = "kl",
     preset: Annotated[str, typer.Option(help="Named settings: quick or paper.")] = "quick",
     seed: Annotated[int, typer.Option(min=0)] = 0,
     oracle: Annotated[bool, typer.Option("--oracle", help="Score it against counterfactuals from snapshots.")] = False,
@@ -135,8 +136,8 @@ def discover(
     from causalbench.run.alone import discover_alone
     from causalbench.show import print_graph, print_oracle
 
-    folder = out or Path("runs") / f"discover-{task}-{backend}-{preset}-s{seed}"
-    graph, truth = discover_alone(task, backend, preset, seed, oracle, folder)
+    folder = out or Path("runs") / f"discover-{task}-{backend}-{discoverer}-{preset}-s{seed}"
+    graph, truth = discover_alone(task, backend, discoverer, preset, seed, oracle, folder)
     print_graph(graph, folder)
     if truth is not None:
         print_oracle(graph, truth)

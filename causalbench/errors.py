@@ -48,6 +48,10 @@ class LayoutDrawError(CausalbenchError):
     """Raised when no start that the task and the scene accept was found in a bounded number of draws."""
 
 
+class UndecidedStageError(CausalbenchError):
+    """Raised when the data of a stage do not allow any decision; its graph then says so and is the declared one."""
+
+
 class InvalidGraphError(UserError):
     """Raised when a causal graph does not fit the task (wrong names, wrong hash, an empty action set)."""
 

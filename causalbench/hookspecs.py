@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import pluggy
 
 if TYPE_CHECKING:
+    from causalbench.core.discovery.discoverers import Discoverer
     from causalbench.core.learners.methods import Method
     from causalbench.core.scene import Scene
     from causalbench.core.tasks.task import Task
@@ -53,3 +54,8 @@ def causalbench_tasks(register: Callable[[Task], None]) -> None:
 @hookspec
 def causalbench_methods(register: Callable[[Method], None]) -> None:
     """Call `register(Method(...))` once per row of the method table."""
+
+
+@hookspec
+def causalbench_discoverers(register: Callable[[Discoverer], None]) -> None:
+    """Call `register(Discoverer(...))` once per method of causal discovery."""

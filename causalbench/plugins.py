@@ -9,7 +9,7 @@ from __future__ import annotations
 import functools
 import importlib.metadata
 import importlib.util
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from types import ModuleType
 from typing import Any, Protocol, TypeVar, cast
@@ -18,6 +18,7 @@ import pluggy
 
 import causalbench
 from causalbench import hookspecs
+from causalbench.core.discovery.discoverers import Discoverer
 from causalbench.core.learners.methods import Method
 from causalbench.core.tasks.task import Task
 from causalbench.errors import BackendLoadError, UnknownNameError, UserError
@@ -52,6 +53,7 @@ class Plugins:
     backends: dict[str, Backend] = field(default_factory=dict)
     tasks: dict[str, Task] = field(default_factory=dict)
     methods: dict[str, Method] = field(default_factory=dict)
+    discoverers: dict[str, Discoverer] = field(default_factory=dict)
     owners: dict[str, PluginRow] = field(default_factory=dict)
     rows: list[PluginRow] = field(default_factory=list)
 
@@ -69,7 +71,7 @@ class Plugins:
 
     def problem(self, name: str) -> str:
         """What the registered backend `name` lacks and how to install it; "" if it lacks nothing."""
-        missing = [m for m in self.backends[name].modules if importlib.util.find_spec(m.partition(".")[0]) is None]
+        missing = _missing(self.backends[name].modules)
         if not missing:
             return ""
         return f"needs {', '.join(missing)}, not installed here; run: pip install {self.owners[name].distribution}"
@@ -81,6 +83,16 @@ class Plugins:
     def method(self, name: str) -> Method:
         """The method `name`, or an `UnknownNameError`."""
         return _look_up("method", name, self.methods)
+
+    def discoverer(self, name: str) -> Discoverer:
+        """The discoverer `name`; an `UnknownNameError`, or a `UserError` that says how to install what it lacks."""
+        found = _look_up("discoverer", name, self.discoverers)
+        missing = _missing(found.modules)
+        if missing:
+            raise UserError(
+                f"discoverer {name!r} needs {', '.join(missing)}, not installed here; run: pip install {found.extra!r}"
+            )
+        return found
 
     def _no_backend(self, name: str) -> UserError:
         for row in self.rows:
@@ -94,6 +106,11 @@ class Plugins:
         if broken:
             hint += f" Could not be loaded: {', '.join(broken)}."
         return UnknownNameError("backend", name, self.backends, hint)
+
+
+def _missing(modules: Iterable[str]) -> list[str]:
+    """Those of `modules` that cannot be imported, found without importing them."""
+    return [m for m in modules if importlib.util.find_spec(m.partition(".")[0]) is None]
 
 
 def _look_up(kind: str, name: str, known: Mapping[str, NamedT]) -> NamedT:
@@ -138,7 +155,7 @@ def _register(manager: pluggy.PluginManager, plugin: ModuleType, row: PluginRow,
     manager.register(plugin)
     try:
         manager.check_pending()
-        found: dict[str, dict[str, Any]] = {"backends": {}, "tasks": {}, "methods": {}}
+        found: dict[str, dict[str, Any]] = {"backends": {}, "tasks": {}, "methods": {}, "discoverers": {}}
         for caller in manager.get_hookcallers(plugin) or ():
             kind = caller.name.removeprefix("causalbench_")
             register = functools.partial(_add, found[kind], getattr(plugins, kind))
@@ -152,6 +169,7 @@ def _register(manager: pluggy.PluginManager, plugin: ModuleType, row: PluginRow,
     plugins.backends |= found["backends"]
     plugins.tasks |= found["tasks"]
     plugins.methods |= found["methods"]
+    plugins.discoverers |= found["discoverers"]
     plugins.owners |= dict.fromkeys(found["backends"], row)
 
 

@@ -75,7 +75,10 @@ def print_graph(graph: CausalGraph, folder: Path) -> None:
     """Per stage the matrix beside its KL values; a selected action is marked."""
     for stage in graph.stages:
         _print(_stage_table(stage))
-    _print("KL1 = KL(P1||P2), KL2 = KL(P2||P1); P1 = p(r | s, do(a = 0)), P2 = p(r | s, random a); X: selected")
+        for note in stage.notes:
+            _print(f"Stage {stage.stage}: {note}")
+    if any(stage.kl is not None for stage in graph.stages):
+        _print("KL1 = KL(P1||P2), KL2 = KL(P2||P1); P1 = p(r | s, do(a = 0)), P2 = p(r | s, random a); X: selected")
     _print(f"Causal graph {graph.hash}, {graph.env_steps} environment steps; written to {folder}")
 
 
@@ -101,7 +104,7 @@ def _stage_table(graph: StageGraph) -> Table:
     causal = ", ".join(graph.causal_actions()) or "none"
     table = Table("action", title=f"Stage {graph.stage}: causal actions {causal}", title_justify="left")
     for term in graph.terms:
-        table.add_column(f"{term}\nselected  KL1    KL2")
+        table.add_column(f"{term}\nselected  {_evidence_names(graph)}")
     for row, action in enumerate(graph.actions):
         table.add_row(action, *(_edge(graph, row, column) for column in range(len(graph.terms))))
     if graph.cv is not None:
@@ -109,11 +112,14 @@ def _stage_table(graph: StageGraph) -> Table:
     return table
 
 
+def _evidence_names(graph: StageGraph) -> str:
+    return " ".join(f"{name:>8}" for name in (("KL1", "KL2") if graph.kl is not None else graph.evidence))
+
+
 def _edge(graph: StageGraph, row: int, column: int) -> str:
-    mark = "X" if graph.matrix[row, column] else "."
-    if graph.kl is None or graph.kl_reverse is None:
-        return mark
-    return f"   {mark}  {graph.kl[row, column]:8.4f} {graph.kl_reverse[row, column]:8.4f}"
+    tables = graph.evidence.values() if graph.kl is None else (graph.kl, graph.kl_reverse)
+    numbers = (f"{table[row, column]:8.4f}" for table in tables if table is not None)
+    return f"   {'X' if graph.matrix[row, column] else '.'}  {' '.join(numbers)}"
 
 
 def print_backends(plugins: Plugins) -> None:

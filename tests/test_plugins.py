@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from causalbench.errors import BackendLoadError, UnknownNameError
+from causalbench.errors import BackendLoadError, UnknownNameError, UserError
 from causalbench.plugins import PluginRow, Plugins, load_plugins
 
 Install = Callable[[str, str], Path]
@@ -87,3 +87,26 @@ def test_unknown_names_get_the_nearest_one_and_what_exists() -> None:
         plugins.method("cmmmSAC")
     with pytest.raises(UnknownNameError, match=r"unknown task \'flying\'\. Known: pure_manipulation\."):
         plugins.task("flying")
+
+
+DISCOVERING = """
+from causalbench.core.discovery.discoverers import Discoverer
+from causalbench.hookspecs import hookimpl
+
+@hookimpl
+def causalbench_discoverers(register):
+    register(Discoverer("guess", lambda problem: None, "for a test"))
+    register(Discoverer("lacking", lambda problem: None, "for a test", ("a_library_not_here",), "acme[lib]"))
+"""
+
+
+def test_discoverers_come_through_a_hook_and_name_what_they_lack(
+    install: Install, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plugins = load(monkeypatch, install("zz-discovering", DISCOVERING))
+    assert plugins.discoverer("kl").name == "kl"
+    assert plugins.discoverer("guess").about == "for a test"
+    with pytest.raises(UserError, match=r"'lacking' needs a_library_not_here, .* run: pip install 'acme\[lib\]'"):
+        plugins.discoverer("lacking")
+    with pytest.raises(UnknownNameError, match=r"unknown discoverer 'gues'\. Did you mean 'guess'\?"):
+        plugins.discoverer("gues")

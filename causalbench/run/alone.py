@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -24,7 +25,7 @@ ORACLE_STATES = 400
 
 
 def discover_alone(
-    task: str, backend: str, preset: str, seed: int, oracle: bool, folder: Path
+    task: str, backend: str, discoverer: str, preset: str, seed: int, oracle: bool, folder: Path
 ) -> tuple[CausalGraph, tuple[StageTruth, ...] | None]:
     """Discover in this process with progress on stderr, write `graph.json` and `kl.csv` into `folder`.
 
@@ -34,6 +35,7 @@ def discover_alone(
         raise UnknownNameError("preset", preset, PRESETS)
     plugins = installed()
     chosen_task, make_scene = plugins.task(task), plugins.backend(backend).make
+    settings = replace(PRESETS[preset], discoverer=plugins.discoverer(discoverer).name)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -44,8 +46,9 @@ def discover_alone(
     with Progress(console=Console(stderr=True)) as bar:
         line = bar.add_task("discovering", total=1.0)
         graph = discover(
-            chosen_task, make_scene, PRESETS[preset], seed,
+            chosen_task, make_scene, settings, seed,
             lambda share, text: bar.update(line, completed=share, description=text),
+            discoverers=plugins.discoverers,
         )  # fmt: skip
         bar.update(line, completed=1.0, description="done")
     write_graph(folder, graph)

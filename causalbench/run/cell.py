@@ -79,16 +79,19 @@ def _discover(cell: DiscoveryCell, folder: Path, on_progress: OnProgress) -> int
         cell.settings,
         cell.seed,
         lambda share, text: on_progress(Progress(share, text)),
+        discoverers=installed().discoverers,
     )
     write_graph(folder, graph)
     return graph.env_steps
 
 
 def write_graph(folder: Path, graph: CausalGraph) -> None:
-    """Write `graph.json` and the paper's table of KL values, `kl.csv`."""
-    from causalbench.core.discovery.tables import kl_table
+    """Write `graph.json`, and the numbers behind it: the paper's table of KL values as `kl.csv`, or `evidence.csv`."""
+    from causalbench.core.discovery.tables import evidence_table, kl_table
 
-    write_text(folder / "kl.csv", kl_table(graph).to_csv(index=False, lineterminator="\n"))
+    by_kl = any(stage.kl is not None for stage in graph.stages)
+    name, table = ("kl.csv", kl_table(graph)) if by_kl else ("evidence.csv", evidence_table(graph))
+    write_text(folder / name, table.to_csv(index=False, lineterminator="\n"))
     write_text(folder / "graph.json", graph.to_json() + "\n")
 
 

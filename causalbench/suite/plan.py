@@ -157,6 +157,7 @@ def make_plan(
     for backend_name in backends:
         location = ("backends", suite.backends.index(backend_name))
         backend = _identify(_named(file, location, lambda: plugins.backend(backend_name)), plugins, file)  # noqa: B023
+        _check_discoverer(file, tier, tier_name, backend_name, plugins)
         for method_name in methods:
             location = ("methods", suite.methods.index(method_name))
             method = _named(file, location, lambda: plugins.method(method_name))  # noqa: B023
@@ -182,6 +183,20 @@ def _named(file: SuiteFile, location: Location, look_up: Callable[[], Any]) -> A
         raise
     except UserError as error:
         raise file.source.mistake(location, str(error)) from error
+
+
+def _check_discoverer(file: SuiteFile, tier: Tier, tier_name: str, backend: str, plugins: Plugins) -> None:
+    """Refuse a discoverer that does not exist or lacks a library, at the line that names it."""
+    of_backend = file.suite.per_backend.get(backend, PerBackend())
+    layers: list[tuple[Location, Mapping[str, Any]]] = [
+        (("tiers", tier_name), tier.discovery),
+        (("per_backend", backend), of_backend.discovery),
+        ((), file.suite.discovery),
+    ]
+    for location, patch in layers:
+        if "discoverer" in patch:
+            _named(file, (*location, "discovery", "discoverer"), lambda: plugins.discoverer(patch["discoverer"]))  # noqa: B023
+            return
 
 
 def _identify(backend: Backend, plugins: Plugins, file: SuiteFile) -> BackendIdentity:

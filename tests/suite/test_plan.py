@@ -113,6 +113,11 @@ def test_overrides_apply_from_suite_to_backend_to_method_to_tier(tmp_path: Path,
             "demo.yaml:4: backends.0: unknown backend 'kinematik'. Did you mean 'kinematic'?",
         ),
         ("cmmSAC", "cmmSACK", "demo.yaml:5: methods.1: unknown method 'cmmSACK'. Did you mean 'cmmSAC'?"),
+        (
+            "learner: {gamma",
+            "discovery: {discoverer: klm}\nlearner: {gamma",
+            "demo.yaml:9: discovery.discoverer: unknown discoverer 'klm'. Did you mean 'kl'?",
+        ),
         ("task: pure_m", "task: pur_m", "demo.yaml:3: task: unknown task 'pur_manipulation'. Did you mean"),
     ],
 )

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +27,12 @@ class Samples:
     states: Floats  # (n, n_state + 1): the paper's variables and the gripper opening
     actions: Floats  # (n, n_actions + n_placebos)
     rewards: Floats  # (n, n_terms of the stage)
+    sequence: NDArray[np.int32]  # (n,) number of the uninterrupted sequence that each step belongs to
+    env_steps: int  # taken to collect them
+    refused: int = 0  # steps left out since a state or a reward was not finite
+
+    def __len__(self) -> int:
+        return len(self.states)
 
     def without(self, k: int) -> Samples:
         """A copy in which action k is not executed: the paper's copy of D_inference."""
@@ -32,10 +40,44 @@ class Samples:
         actions[:, k] = 0.0
         return replace(self, actions=actions)
 
+    def first(self, count: int) -> Samples:
+        """The first `count` samples, with the share of the steps that they took."""
+        if count >= len(self):
+            return self
+        rows = slice(count)
+        steps = math.ceil(self.env_steps * count / len(self))
+        return Samples(
+            self.states[rows], self.actions[rows], self.rewards[rows], self.sequence[rows], steps, self.refused
+        )
+
+    def term_scale(self) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """(deviation (n_terms,), testable (n_terms,)): a term that never varies cannot be tested; its scale is 1."""
+        scale = self.rewards.astype(np.float64).std(0)
+        testable = scale > 1e-6 * np.abs(self.rewards).max(0).clip(min=1.0)
+        return np.where(testable, scale, 1.0), testable
+
     def digest(self) -> str:
         """SHA-256 of the raw data, hex."""
-        parts = (self.states, self.actions, self.rewards)
+        parts = (self.states, self.actions, self.rewards, self.sequence)
         return hashlib.sha256(b"".join(np.ascontiguousarray(a).tobytes() for a in parts)).hexdigest()
+
+
+@dataclass(frozen=True)
+class StageSamples:
+    """All that Algorithm 1 collects in one stage; `interventions[k]` is D_do[a_k], placebos last, all of one length.
+
+    `notes` says what is unusual about them, a sentence each.
+    """
+
+    random: Samples
+    inference: Samples
+    interventions: tuple[Samples, ...]
+    notes: tuple[str, ...] = ()
+
+    def digest(self) -> str:
+        """SHA-256 of the raw data, hex."""
+        parts = (self.random, self.inference, *self.interventions)
+        return hashlib.sha256("".join(samples.digest() for samples in parts).encode()).hexdigest()
 
 
 def collect(
@@ -55,6 +97,9 @@ def collect(
     world is reset into the stage. Dropping it would select samples by a consequence of the action. A sequence
     also ends after `sequence_length` steps, whatever `count` and the number of worlds, so that more data does not
     mean other states. `on_step(n)` is told of every n env steps taken.
+
+    A step whose state or reward is not finite is left out and ends its sequence; after twice the planned number of
+    steps there are fewer samples. Raises `LayoutDrawError` where the stage cannot be entered.
     """
     columns = action_columns(task, batch.spec)
     terms = [task.term_names.index(name) for name in task.stage_terms(stage, discoverable_only=True)]
@@ -62,13 +107,16 @@ def collect(
     full = np.zeros((batch.n, len(batch.spec.actions)))
     inside, length = np.full(batch.n, stage), np.zeros(batch.n, dtype=int)
     over = np.ones(batch.n, dtype=bool)
-    chunks: list[tuple[Floats, Floats, Floats]] = []
-    collected = 0
-    while collected < count:
+    sequence, n_sequences = np.zeros(batch.n, dtype=np.int32), 0
+    chunks: list[tuple[NDArray[Any], ...]] = []
+    collected = steps = 0
+    while collected < count and steps < 2 * max(count, batch.n):
         restart = np.flatnonzero(over)
         if restart.size:
             reset_worlds(task, batch, restart.tolist(), [rng] * restart.size, stage)
             length[restart] = 0
+            sequence[restart] = n_sequences + np.arange(restart.size)
+            n_sequences += restart.size
             before = batch.facts()
         actions = rng.uniform(-1.0, 1.0, (batch.n, n_actions + n_placebos))
         if do is not None:
@@ -78,14 +126,17 @@ def collect(
         now = batch.facts()
         result = judge(task, inside, before, actions[:, :n_actions], now)
         rewards = result.vector_reward[:, terms].astype(np.float32)
-        chunks.append((model_inputs(task, before), actions.astype(np.float32), rewards))
-        collected += batch.n
+        states = model_inputs(task, before)
+        sound = np.isfinite(rewards).all(1) & np.isfinite(states).all(1) & np.isfinite(model_inputs(task, now)).all(1)
+        chunks.append(tuple(column[sound] for column in (states, actions.astype(np.float32), rewards, sequence)))
+        collected += int(sound.sum())
+        steps += batch.n
         on_step(batch.n)
         length += 1
-        over = (result.next_stage != stage) | result.success | (length >= sequence_length)
+        over = (result.next_stage != stage) | result.success | (length >= sequence_length) | ~sound
         before = now
-    states, acts, rewards = (np.concatenate(column)[:count] for column in zip(*chunks, strict=True))
-    return Samples(states, acts, rewards)
+    states, acts, rewards, sequences = (np.concatenate(column)[:count] for column in zip(*chunks, strict=True))
+    return Samples(states, acts, rewards, sequences, steps, steps - collected)
 
 
 def model_inputs(task: Task, facts: Facts) -> Floats:

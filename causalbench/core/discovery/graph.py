@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from causalbench.core.tasks.task import Task
 from causalbench.errors import InvalidGraphError
 
-SCHEMA = 1
+SCHEMA = 2
 
 
 @dataclass(frozen=True)
@@ -25,8 +25,9 @@ class StageGraph:
 
     `kl` is KL(P1||P2), `kl_reverse` KL(P2||P1), P1 = p(r | s, do(a_k = 0)) and P2 = p(r | s, random a_k);
     `kl_symmetric` their mean; all in nats, `placebo_kl` is the largest placebo's in the direction used.
-    `cv` and `kl_normalised` are those of Algorithm 2. A term whose reward never varied is untestable: its column is
-    taken from the task's declared graph.
+    `cv` and `kl_normalised` are those of Algorithm 2. They are the discoverer `kl`'s; `evidence` holds the tables by
+    which another one decided, named as its documentation says. A term whose reward never varied is untestable: its
+    column is taken from the task's declared graph. `notes` says in sentences what did not go as planned.
     """
 
     stage: int
@@ -40,6 +41,8 @@ class StageGraph:
     cv: NDArray[np.float64] | None = None  # (n_terms,), like the two that follow
     placebo_kl: NDArray[np.float64] | None = None
     testable: NDArray[np.bool_] | None = None
+    evidence: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)  # each (n_actions, n_terms)
+    notes: tuple[str, ...] = ()
 
     def causal_actions(self) -> tuple[str, ...]:
         """Actions with a cause in some column, in order (paper, eq. CausalActions)."""
@@ -91,13 +94,21 @@ class CausalGraph:
         return graph
 
     def check(self, task: Task) -> None:
-        """Raise `InvalidGraphError` unless the graph fits `task`: names, order and no stage without a causal action."""
+        """Raise `InvalidGraphError` unless the graph fits `task`: names, order and no stage without a causal action.
+
+        Nor may a discovered graph be the declared one throughout, because no stage could be decided.
+        """
         if (self.task, self.task_version) != (task.name, task.version):
             raise InvalidGraphError(
                 f"causal graph {self.hash} is for {self.task} v{self.task_version}, not {task.name} v{task.version}"
             )
         if [g.stage for g in self.stages] != list(range(1, task.n_stages + 1)):
             raise InvalidGraphError(f"causal graph {self.hash} has stages {[g.stage for g in self.stages]}")
+        if self.origin == "discovered" and not any(g.testable is None or g.testable.any() for g in self.stages):
+            raise InvalidGraphError(
+                f"causal graph {self.hash}: discovery could decide nothing: "
+                + "; ".join(note for graph in self.stages for note in graph.notes)
+            )
         for graph in self.stages:
             if graph.actions != task.actions or graph.terms != task.stage_terms(graph.stage, discoverable_only=True):
                 raise InvalidGraphError(
@@ -131,8 +142,10 @@ def declared_matrix(task: Task, stage: int, terms: tuple[str, ...]) -> NDArray[n
 
 
 def _stage_graph(data: dict[str, Any]) -> StageGraph:
-    arrays = {k: np.array(v) for k, v in data.items() if isinstance(v, list) and k not in ("actions", "terms")}
-    return StageGraph(**(data | arrays | {"actions": tuple(data["actions"]), "terms": tuple(data["terms"])}))
+    names = {k: tuple(data[k]) for k in ("actions", "terms", "notes")}
+    arrays = {k: np.array(v) for k, v in data.items() if isinstance(v, list) and k not in names}
+    evidence = {k: np.array(v) for k, v in data["evidence"].items()}
+    return StageGraph(**(data | arrays | names | {"evidence": evidence}))
 
 
 def _canonical(content: Any, indent: int | None = None) -> str:

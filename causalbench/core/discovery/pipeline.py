@@ -1,25 +1,25 @@
-"""Algorithm 1 of the paper: for every stage collect, fit the reward models, compare, select."""
+"""Discovery as a whole: for every stage let a discoverer decide, and make one graph of what it found."""
 
 from __future__ import annotations
 
 import hashlib
 import sys
-from collections.abc import Callable
-from dataclasses import asdict
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from importlib.metadata import version
 
 import numpy as np
-import torch
-from numpy.typing import NDArray
 
-from causalbench.core.batch import BatchScene, make_batch
-from causalbench.core.discovery.collect import Samples, collect
-from causalbench.core.discovery.divergence import Divergence, divergence
+from causalbench.core.discovery.collect import Samples, StageSamples
+from causalbench.core.discovery.collection import Collection, Origin, Recipe, SampleStore, Stream
+from causalbench.core.discovery.discoverers import DISCOVERERS, Discoverer
 from causalbench.core.discovery.graph import CausalGraph, StageGraph, declared_matrix
-from causalbench.core.discovery.reward_model import term_scale, train_reward_models
-from causalbench.core.discovery.select import select_causal_actions
 from causalbench.core.discovery.settings import DiscoverySettings
-from causalbench.core.scene import Scene
+from causalbench.core.layout import Layout
+from causalbench.core.scene import Array, Facts, Scene
 from causalbench.core.tasks.task import Task
+from causalbench.errors import LayoutDrawError, UndecidedStageError, UnknownNameError, UserError
 
 Progress = Callable[[float, str], None]
 
@@ -28,113 +28,191 @@ COLLECT_SHARE = 0.7
 
 
 def discover(
-    task: Task, make_scene: Callable[[], Scene], settings: DiscoverySettings, seed: int, on_progress: Progress
+    task: Task,
+    make_scene: Callable[[], Scene],
+    settings: DiscoverySettings,
+    seed: int,
+    on_progress: Progress,
+    *,
+    discoverers: Mapping[str, Discoverer] = DISCOVERERS,
+    cores: int = 1,
+    store: SampleStore | None = None,
 ) -> CausalGraph:
-    """Discover the causal matrices of every stage of `task` (Algorithm 1); deterministic in `seed`.
+    """Discover the causal matrices of every stage of `task` by `settings.discoverer`; deterministic in `seed`.
 
-    `on_progress(share done, what is being done)` is called often. The graph counts every env step taken.
+    `on_progress(share done, what is being done)` is called often. The graph counts every env step taken, those of
+    samples that `store` already had included. `cores` processes collect; the result does not depend on their number.
+    Raises `UnknownNameError` for a discoverer that is not among `discoverers`.
     """
-    batch = make_batch(make_scene, N_WORLDS)
+    scene = CountingScene(make_scene())
     try:
-        results = [
-            _discover_stage(task, batch, stage, settings, seed, on_progress) for stage in range(1, task.n_stages + 1)
-        ]
+        recipe = Recipe(task, settings, seed, Origin.of(scene.spec), make_scene, store)
+        return _discover(recipe, scene, on_progress, discoverers, cores)
     finally:
-        batch.close()
-    digest = hashlib.sha256("".join(data for _, _, data in results).encode()).hexdigest()
-    spec = batch.spec
+        scene.close()
+
+
+def discover_from_samples(
+    task: Task,
+    store: SampleStore,
+    origin: Origin,
+    settings: DiscoverySettings,
+    seed: int,
+    on_progress: Progress,
+    *,
+    discoverers: Mapping[str, Discoverer] = DISCOVERERS,
+) -> CausalGraph:
+    """As `discover`, on samples from `origin` that `store` kept, without a simulator: equal settings, equal graph."""
+    return _discover(Recipe(task, settings, seed, origin, None, store), None, on_progress, discoverers, 1)
+
+
+class CountingScene(Scene):
+    """A scene that counts its control steps."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene, self.spec, self.steps = scene, scene.spec, 0
+
+    def reset(self, layout: Layout) -> None:
+        """See `Scene`."""
+        self.scene.reset(layout)
+
+    def step(self, action: Array) -> None:
+        """See `Scene`; counts."""
+        self.steps += 1
+        self.scene.step(action)
+
+    def facts(self) -> Facts:
+        """See `Scene`."""
+        return self.scene.facts()
+
+    def snapshot(self) -> bytes:
+        """See `Scene`."""
+        return self.scene.snapshot()
+
+    def restore(self, snapshot: bytes) -> None:
+        """See `Scene`."""
+        self.scene.restore(snapshot)
+
+    def close(self) -> None:
+        """See `Scene`."""
+        self.scene.close()
+
+
+@dataclass
+class _Problem:
+    """What a discoverer sees of one stage: a `StageProblem`."""
+
+    recipe: Recipe
+    stage: int
+    collection: Collection
+    counted: CountingScene | None
+    report: Progress
+    collected: StageSamples | None = None
+    kept: tuple[Samples, ...] = ()
+
+    @property
+    def task(self) -> Task:
+        return self.recipe.task
+
+    @property
+    def settings(self) -> DiscoverySettings:
+        return self.recipe.settings
+
+    @property
+    def seed(self) -> int:
+        return self.recipe.seed
+
+    def samples(self) -> StageSamples:
+        if self.collected is None:
+            self.collected = self.collection.stage(self.stage)
+        return self.collected
+
+    def scene(self) -> Scene:
+        if self.counted is None:
+            raise UserError(
+                f"discoverer {self.settings.discoverer!r} asks the simulator, so it cannot work on files; "
+                "run it without --data"
+            )
+        return self.counted
+
+    def keep(self, name: str, samples: Samples) -> None:
+        self.kept += (samples,)
+        if self.recipe.store:
+            about = self.recipe.about(Stream(self.stage, name, -1, len(samples), None))
+            self.recipe.store.save(about, samples, self.task)
+
+
+def _discover(
+    recipe: Recipe,
+    scene: CountingScene | None,
+    on_progress: Progress,
+    discoverers: Mapping[str, Discoverer],
+    cores: int,
+) -> CausalGraph:
+    task, settings = recipe.task, recipe.settings
+    if settings.discoverer not in discoverers:
+        raise UnknownNameError("discoverer", settings.discoverer, discoverers)
+    discoverer = discoverers[settings.discoverer]
+    board = _Board(task.n_stages, on_progress)
+    collection = Collection(recipe, cores, board.on_collected)
+    graphs, digests = [], []
+    try:
+        for stage in range(1, task.n_stages + 1):
+            problem = _Problem(recipe, stage, collection, scene, partial(board.on_report, stage))
+            graphs.append(_decide(discoverer, problem))
+            board.on_report(stage, 1.0, "decided")
+            digests += [samples.digest() for samples in (*problem.kept, problem.collected) if samples]
+    finally:
+        collection.close()
     return CausalGraph(
         task=task.name,
         task_version=task.version,
         origin="discovered",
-        stages=tuple(graph for graph, _, _ in results),
-        env_steps=sum(steps for _, steps, _ in results),
+        stages=tuple(graphs),
+        env_steps=sum(collection.env_steps.values()) + (scene.steps if scene else 0),
         provenance={
-            "backend": f"{spec.backend} {spec.backend_version}",
-            "engine": f"{spec.engine} {spec.engine_version}",
-            "robot": spec.robot,
-            "seed": seed,
+            **asdict(recipe.origin),
+            "seed": recipe.seed,
             "settings": asdict(settings),
-            "data_sha256": digest,
-            "versions": {"python": sys.version.split()[0], "numpy": np.__version__, "torch": torch.__version__},
+            "data_sha256": hashlib.sha256("".join(digests).encode()).hexdigest(),
+            "versions": {"python": sys.version.split()[0], **{name: version(name) for name in ("numpy", "torch")}},
         },
     )
 
 
-N_WORLDS = 16
-"""Worlds of a backend that steps in batches; sequences have a fixed length, so the number changes no distribution."""
-
-
-def _discover_stage(
-    task: Task, batch: BatchScene, stage: int, settings: DiscoverySettings, seed: int, on_progress: Progress
-) -> tuple[StageGraph, int, str]:
-    """(graph of the stage, env steps taken, digest of its data)."""
+def _decide(discoverer: Discoverer, problem: _Problem) -> StageGraph:
+    """What the discoverer found, with notes on its data; the declared graph where it could decide nothing."""
+    task, stage = problem.task, problem.stage
     terms = task.stage_terms(stage, discoverable_only=True)
-    n_actions = len(task.actions)
-    inference_count = round(settings.inference_fraction * settings.training_count)
-    planned = (1 + n_actions + bool(settings.n_placebos)) * settings.training_count + inference_count
-    steps = 0
-
-    def report(share_of_stage: float, doing: str) -> None:
-        on_progress((stage - 1 + share_of_stage) / task.n_stages, f"stage {stage}: {doing}")
-
-    def on_step(n: int) -> None:
-        nonlocal steps
-        steps += n
-        report(COLLECT_SHARE * min(1.0, steps / planned), "collecting")
-
-    def gather(count: int, stream: int, do: int | None) -> Samples:
-        rng = np.random.default_rng([seed, stage, stream])
-        return collect(task, batch, stage, count, do, rng, settings.sequence_length, settings.n_placebos, on_step)
-
-    random = gather(settings.training_count, 0, None)
-    inference = gather(inference_count, 1, None)
-    interventions = [gather(settings.training_count, 2 + k, k) for k in range(n_actions)]
-    if settings.n_placebos:
-        # No scene sees a placebo, so holding one at 0 is just another random draw with its column set to 0.
-        unaffected = gather(settings.training_count, 2 + n_actions, None)
-        interventions += [unaffected.without(n_actions + p) for p in range(settings.n_placebos)]
-    models = train_reward_models(
-        random,
-        interventions,
-        settings,
-        seed + stage,
-        lambda share: report(COLLECT_SHARE + (1 - COLLECT_SHARE) * share, "fitting reward models"),
-    )
-    pairs = [
-        divergence(*models.predict(inference.without(k), k), *models.predict(inference, k), settings.sigma_kl)
-        for k in range(len(interventions))
-    ]
-    kl = Divergence(*(torch.stack(column) for column in zip(*pairs, strict=True)))
-    graph = _select_stage(task, stage, terms, kl, term_scale(random)[1], settings)
-    digest = "".join(samples.digest() for samples in (random, inference, *interventions))
-    return graph, steps, digest
+    try:
+        graph = discoverer.discover_stage(problem)
+    except (LayoutDrawError, UndecidedStageError) as error:
+        note = f"not discovered, the declared graph stands in: {error}"
+        none = np.zeros(len(terms), dtype=bool)
+        return StageGraph(stage, task.actions, terms, declared_matrix(task, stage, terms), testable=none, notes=(note,))
+    constant = () if graph.testable is None else [t for t, can in zip(terms, graph.testable, strict=True) if not can]
+    notes = tuple(f"{term} never varied: untestable, its column is the declared graph's" for term in constant)
+    return replace(graph, notes=graph.notes + (problem.collected.notes if problem.collected else ()) + notes)
 
 
-def _select_stage(
-    task: Task,
-    stage: int,
-    terms: tuple[str, ...],
-    kl: Divergence,
-    testable: NDArray[np.bool_],
-    settings: DiscoverySettings,
-) -> StageGraph:
-    """Algorithm 2 on every term, then the placebo gate; `kl` is (n_actions + n_placebos, n_terms)."""
-    k = len(task.actions)
-    used = np.asarray(getattr(kl, settings.direction)).clip(min=0.0)
-    matrix = declared_matrix(task, stage, terms)
-    cv, normalised = np.zeros(len(terms)), np.zeros((k, len(terms)))
-    placebo = used[k:].max(0) if settings.n_placebos else None
-    for j in range(len(terms)):
-        choice = select_causal_actions(
-            used[:k, j], settings.epsilon_cv, settings.epsilon_normalize, settings.epsilon_direct
-        )
-        cv[j], normalised[:, j] = choice.cv, choice.normalised
-        if testable[j]:
-            matrix[:, j] = choice.selected
-            if placebo is not None:
-                matrix[:, j] &= used[:k, j] > settings.placebo_gate * placebo[j]
-    forward, reverse, symmetric = (np.asarray(values)[:k] for values in kl)
-    return StageGraph(
-        stage, task.actions, terms, matrix, forward, reverse, symmetric, normalised, cv, placebo, testable
-    )
+class _Board:
+    """How far all stages are, as one share: what was collected of each, and what its discoverer reports."""
+
+    def __init__(self, n_stages: int, on_progress: Progress) -> None:
+        self.on_progress = on_progress
+        self.collected, self.reported = np.full(n_stages, np.nan), np.zeros(n_stages)
+
+    def on_collected(self, stage: int, share: float) -> None:
+        """`share` of the stage's samples are there."""
+        self.collected[stage - 1] = share
+        self._show(stage, "collecting")
+
+    def on_report(self, stage: int, share: float, doing: str) -> None:
+        """The discoverer is this far beyond collecting."""
+        self.reported[stage - 1] = share
+        self._show(stage, doing)
+
+    def _show(self, stage: int, doing: str) -> None:
+        both = COLLECT_SHARE * self.collected + (1 - COLLECT_SHARE) * self.reported
+        shares = np.where(np.isnan(self.collected), self.reported, both)
+        self.on_progress(float(shares.mean()), f"stage {stage}: {doing}")

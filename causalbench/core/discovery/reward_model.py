@@ -8,13 +8,12 @@ side in one batched matrix product and the loss is the sum over pairs.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
 from causalbench.core.discovery.collect import Samples
@@ -48,16 +47,9 @@ class RewardModels:
         return out[..., 0], out[..., 1].clamp(self.log_sigma_min, LOG_SIGMA_MAX)
 
 
-def term_scale(random: Samples) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """(deviation (n_terms,), testable (n_terms,)): a term that never varies in D_random cannot be tested."""
-    scale = random.rewards.astype(np.float64).std(0)
-    testable = scale > 1e-6 * np.abs(random.rewards).max(0).clip(min=1.0)
-    return np.where(testable, scale, 1.0), testable
-
-
 def train_reward_models(
     random: Samples,
-    interventions: list[Samples],
+    interventions: Sequence[Samples],
     settings: DiscoverySettings,
     seed: int,
     on_progress: Callable[[float], None],
@@ -74,7 +66,7 @@ def train_reward_models(
     scale = inputs.std((0, 1))
     scale = torch.where(scale < 1e-6, torch.ones_like(scale), scale)
     inputs = (inputs - mean) / scale
-    centre, deviation = random.rewards.mean(0), term_scale(random)[0].astype(np.float32)
+    centre, deviation = random.rewards.mean(0), random.term_scale()[0].astype(np.float32)
     rewards = [np.concatenate([random.rewards, do.rewards]) for do in interventions]
     targets = torch.from_numpy((np.stack(rewards) - centre) / deviation)  # (K, N, J)
     targets = targets.permute(0, 2, 1).reshape(n_actions * n_terms, -1, 1)

@@ -10,6 +10,7 @@ from typing import Literal
 class DiscoverySettings:
     """Settings of Algorithms 1 and 2. The defaults are ours (see docs/discovery.md); `PRESETS["paper"]` the paper's."""
 
+    discoverer: str = "kl"  # name of a registered method; "kl" is the paper's
     training_count: int = 3_000  # samples in D_random and in each D_do[a_k], per stage
     inference_fraction: float = 0.2  # size of D_inference relative to training_count
     sequence_length: int = 10  # steps before the scene is reset into the stage; never a function of sample count

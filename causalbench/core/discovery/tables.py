@@ -14,15 +14,33 @@ from causalbench.core.discovery.score import Score, score_graph
 
 
 def kl_table(graph: CausalGraph) -> pd.DataFrame:
-    """One row per (stage, reward): KL of each action in the direction used, cv, then the normalised values."""
+    """One row per (stage, reward): KL of each action in the direction used, cv, then the normalised values.
+
+    Empty for a graph that another discoverer than `kl` made.
+    """
     rows = []
     for stage in graph.stages:
+        if stage.kl is None:  # nothing could be decided there
+            continue
         kl = used_kl(graph, stage.stage)
         for j, term in enumerate(stage.terms):
             row: dict[str, object] = {"stage": stage.stage, "reward": term}
             row |= dict(zip(stage.actions, kl[:, j], strict=True)) | {"cv": stage.cv[j]}  # type: ignore[index]
             row |= {f"{a}_n": v for a, v in zip(stage.actions, stage.kl_normalised[:, j], strict=True)}  # type: ignore[index]
             rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def evidence_table(graph: CausalGraph) -> pd.DataFrame:
+    """One row per (stage, reward, action): what a discoverer other than `kl` decided by, and its decision."""
+    rows = [
+        {"stage": stage.stage, "reward": term, "action": action}
+        | {name: values[k, j] for name, values in stage.evidence.items()}
+        | {"selected": bool(stage.matrix[k, j])}
+        for stage in graph.stages
+        for j, term in enumerate(stage.terms)
+        for k, action in enumerate(stage.actions)
+    ]
     return pd.DataFrame(rows)
 
 
@@ -70,26 +88,5 @@ def score_table(graph: CausalGraph, truth: Sequence[StageTruth]) -> pd.DataFrame
         for name, score, weak in zip(
             stages, [*plain, sum(plain, nothing)], [*with_weak, sum(with_weak, nothing)], strict=True
         )
-    ]
-    return pd.DataFrame(rows)
-
-
-def edge_table(graph: CausalGraph) -> pd.DataFrame:
-    """One row per (stage, reward, action): every KL, the cv, the normalised value and the decision."""
-    rows = [
-        {
-            "stage": stage.stage,
-            "reward": term,
-            "action": action,
-            "kl": stage.kl[k, j],  # type: ignore[index]
-            "kl_reverse": stage.kl_reverse[k, j],  # type: ignore[index]
-            "kl_symmetric": stage.kl_symmetric[k, j],  # type: ignore[index]
-            "cv": stage.cv[j],  # type: ignore[index]
-            "kl_n": stage.kl_normalised[k, j],  # type: ignore[index]
-            "selected": bool(stage.matrix[k, j]),
-        }
-        for stage in graph.stages
-        for j, term in enumerate(stage.terms)
-        for k, action in enumerate(stage.actions)
     ]
     return pd.DataFrame(rows)

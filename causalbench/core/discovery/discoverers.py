@@ -1,0 +1,78 @@
+"""What a discovery method is: a function from one stage's problem to its graph. The table holds the built-in ones.
+
+A plugin adds a row through `causalbench_discoverers`; `DiscoverySettings.discoverer` chooses one by name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+from causalbench.core.discovery.graph import StageGraph
+from causalbench.core.discovery.kl import discover_stage as by_kl
+from causalbench.core.discovery.settings import DiscoverySettings
+from causalbench.core.tasks.task import Task
+
+if TYPE_CHECKING:  # Gymnasium loads this table, so that it cannot need what needs Gymnasium
+    from causalbench.core.discovery.collect import Samples, StageSamples
+    from causalbench.core.scene import Scene
+
+
+class StageProblem(Protocol):
+    """One stage of a task as a discoverer meets it. What it asks for is made then, and its control steps are counted.
+
+    `seed` is the whole discovery's: derive generators from [seed, stage, a number of your own].
+    """
+
+    @property
+    def task(self) -> Task:
+        """The task."""
+
+    @property
+    def stage(self) -> int:
+        """The stage, from 1."""
+
+    @property
+    def settings(self) -> DiscoverySettings:
+        """All settings of this discovery."""
+
+    @property
+    def seed(self) -> int:
+        """Seed of the discovery."""
+
+    def samples(self) -> StageSamples:
+        """D_random, D_do[a_k] and D_inference, collected on first use. The same for every discoverer of equal seed."""
+
+    def scene(self) -> Scene:
+        """A simulator for queries of your own; every step of it counts. Raises `UserError` if there are only files."""
+
+    def keep(self, name: str, samples: Samples) -> None:
+        """Store samples that were taken from `scene` beside the others, and let them enter the graph's data hash."""
+
+    def report(self, share: float, doing: str) -> None:
+        """How far this stage is, in [0, 1], beyond collecting `samples`."""
+
+
+@dataclass(frozen=True)
+class Discoverer:
+    """What `causalbench_discoverers` registers.
+
+    `discover_stage` returns the graph of one stage; it raises `UndecidedStageError` when the data do not allow one.
+    It imports heavy libraries when called, never before. `modules` are the optional imports that it needs and `extra`
+    the pip requirement that installs them; `about` is a line for people.
+    """
+
+    name: str
+    discover_stage: Callable[[StageProblem], StageGraph]
+    about: str
+    modules: tuple[str, ...] = ()
+    extra: str = ""
+
+
+DISCOVERERS: Mapping[str, Discoverer] = {
+    row.name: row
+    for row in (
+        Discoverer("kl", by_kl, "KL between reward models with and without the action (the paper, Algorithms 1 and 2)"),
+    )
+}
