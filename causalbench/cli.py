@@ -130,14 +130,24 @@ def discover(
     preset: Annotated[str, typer.Option(help="Named settings: quick or paper.")] = "quick",
     seed: Annotated[int, typer.Option(min=0)] = 0,
     oracle: Annotated[bool, typer.Option("--oracle", help="Score it against counterfactuals from snapshots.")] = False,
-    out: Annotated[Path | None, typer.Option(help="Folder for graph.json and kl.csv.")] = None,
+    data: Annotated[
+        Path | None, typer.Option(help="Folder `data` of an earlier discovery: use its samples, run no simulator.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for graph.json, kl.csv and the samples.")] = None,
+    jobs: Annotated[int | None, typer.Option(min=1, help="Processes that collect (default: one per core).")] = None,
 ) -> None:
-    """Discover the causal graph of a task, print it beside its KL values, and write graph.json and kl.csv."""
-    from causalbench.run.alone import discover_alone
+    """Discover the causal graph of a task, print it beside its KL values, and write graph.json, kl.csv and data/."""
+    from causalbench.run.alone import discover_alone, infer_alone
     from causalbench.show import print_graph, print_oracle
 
+    if data is not None:
+        if oracle:
+            raise UserError("--oracle asks the simulator: run it without --data")
+        folder = out or data.parent / f"{discoverer}-{preset}"
+        print_graph(infer_alone(data, discoverer, preset, folder), folder)
+        return
     folder = out or Path("runs") / f"discover-{task}-{backend}-{discoverer}-{preset}-s{seed}"
-    graph, truth = discover_alone(task, backend, discoverer, preset, seed, oracle, folder)
+    graph, truth = discover_alone(task, backend, discoverer, preset, seed, oracle, folder, jobs or _cores())
     print_graph(graph, folder)
     if truth is not None:
         print_oracle(graph, truth)

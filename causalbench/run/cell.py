@@ -15,9 +15,10 @@ from causalbench.core.scene import Scene
 from causalbench.core.tasks.task import Task
 from causalbench.errors import CausalbenchError, DivergedError
 from causalbench.plugins import installed
-from causalbench.store.cells import RunFolder, State, Status
+from causalbench.store.cells import DATA, RunFolder, State, Status
 from causalbench.store.files import write_folder, write_text
 from causalbench.store.records import write_counts, write_progress
+from causalbench.store.samples import SampleFolder
 from causalbench.suite.plan import BackendIdentity, Cell, DiscoveryCell, LearnerCell
 
 
@@ -34,8 +35,8 @@ class Progress:
 OnProgress = Callable[[Progress], None]
 
 
-def run_cell(cell: Cell, run: RunFolder, on_progress: OnProgress) -> Status:
-    """Run `cell`, which `run.start` has prepared, fill its folder and return its status.
+def run_cell(cell: Cell, run: RunFolder, on_progress: OnProgress, cores: int = 1) -> Status:
+    """Run `cell`, which `run.start` has prepared, fill its folder and return its status; it may use `cores`.
 
     An error becomes the status; its traceback goes to `log.txt`.
     """
@@ -44,7 +45,7 @@ def run_cell(cell: Cell, run: RunFolder, on_progress: OnProgress) -> Status:
     try:
         use_one_thread()
         if isinstance(cell, DiscoveryCell):
-            steps = _discover(cell, folder, on_progress)
+            steps = _discover(cell, folder, on_progress, cores)
         else:
             steps = _learn(cell, folder, run, on_progress)
         status = Status("done", "", time.monotonic() - started, steps)
@@ -69,7 +70,7 @@ def scene_factory(backend: BackendIdentity) -> Callable[[], Scene]:
     return functools.partial(installed().backend(backend.name).make, **backend.options)
 
 
-def _discover(cell: DiscoveryCell, folder: Path, on_progress: OnProgress) -> int:
+def _discover(cell: DiscoveryCell, folder: Path, on_progress: OnProgress, cores: int) -> int:
     from causalbench.core.discovery.pipeline import discover
 
     task = installed().task(cell.task.name)
@@ -80,6 +81,8 @@ def _discover(cell: DiscoveryCell, folder: Path, on_progress: OnProgress) -> int
         cell.seed,
         lambda share, text: on_progress(Progress(share, text)),
         discoverers=installed().discoverers,
+        cores=cores,
+        store=SampleFolder(folder / DATA),
     )
     write_graph(folder, graph)
     return graph.env_steps

@@ -50,7 +50,7 @@ def serial(cells: Sequence[Cell], run: RunFolder, on_progress: OnCellProgress) -
 def processes(
     cells: Sequence[Cell], run: RunFolder, on_progress: OnCellProgress, jobs: int, timeout: float | None = None
 ) -> Outcomes:
-    """One process per cell, `jobs` at a time; a crash, a kill or `timeout` seconds end that cell only."""
+    """One process per cell, `jobs` cores at a time; a crash, a kill or `timeout` seconds end that cell only."""
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(PRELOAD)
     waiting, running = list(cells), list[_Running]()
@@ -62,9 +62,9 @@ def processes(
                     run.finish(cell, Status("skipped", missing))
                     waiting.remove(cell)
                     yield cell, run.status(cell)
-                elif len(running) < jobs:
+                elif sum(job.cores for job in running) + min(cell.cores, jobs) <= jobs:
                     waiting.remove(cell)
-                    running.append(_start(context, cell, run, timeout))
+                    running.append(_start(context, cell, run, timeout, min(cell.cores, jobs)))
             _receive(running, on_progress)
             for job in [job for job in running if job.has_ended()]:
                 running.remove(job)
@@ -97,6 +97,7 @@ class _Running:
     process: ForkServerProcess
     link: Connection
     deadline: float
+    cores: int
     timed_out: bool = False
 
     def has_ended(self) -> bool:
@@ -125,13 +126,13 @@ class _Running:
         return Status("failed", f"its process {how}; see log.txt")
 
 
-def _start(context: ForkServerContext, cell: Cell, run: RunFolder, timeout: float | None) -> _Running:
+def _start(context: ForkServerContext, cell: Cell, run: RunFolder, timeout: float | None, cores: int) -> _Running:
     link, far_end = context.Pipe()
     run.start(cell)
-    process = context.Process(target=_work, args=(cell, run, far_end), daemon=True)
+    process = context.Process(target=_work, args=(cell, run, far_end, cores))
     process.start()
     far_end.close()
-    return _Running(cell, process, link, time.monotonic() + (timeout or float("inf")))
+    return _Running(cell, process, link, time.monotonic() + (timeout or float("inf")), cores)
 
 
 def _receive(running: Sequence[_Running], on_progress: OnCellProgress) -> None:
@@ -147,7 +148,7 @@ def _receive(running: Sequence[_Running], on_progress: OnCellProgress) -> None:
                 by_link[ready].process.join()  # the far end closes only when the process ends
 
 
-def _work(cell: Cell, run: RunFolder, link: Connection) -> None:
+def _work(cell: Cell, run: RunFolder, link: Connection, cores: int) -> None:
     """What a cell's process does."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's, which then kills its cells
     threading.Thread(target=_die_with_parent, args=(link,), daemon=True).start()
@@ -156,7 +157,7 @@ def _work(cell: Cell, run: RunFolder, link: Connection) -> None:
     os.dup2(log, 1)
     os.dup2(log, 2)
     faulthandler.enable()
-    run_cell(cell, run, _Throttle(link).send)
+    run_cell(cell, run, _Throttle(link).send, cores)
     # All is on disk; what simulators do when an interpreter ends may hang or crash.
     os._exit(0)
 

@@ -17,6 +17,8 @@ from causalbench.store.files import write_json
 SCHEMA = 1
 State = Literal["done", "failed", "timeout", "diverged", "skipped", "running", "pending"]
 STATES: tuple[str, ...] = get_args(State)
+DATA = "data"
+"""The samples of a discovery cell: an unfinished one continues from those that are there."""
 KINDS = {"learner": "cells", "discovery": "discovery"}
 """Kind of a cell -> the folder that such cells lie in."""
 
@@ -89,10 +91,14 @@ class RunFolder:
         return self.path / KINDS[cell.identity["kind"]] / cell.id
 
     def start(self, cell: Identified) -> Path:
-        """An empty folder for `cell`, marked as running; what an earlier attempt left is removed."""
+        """A folder for `cell`, marked as running; of what an earlier attempt left only its samples stay."""
         folder = self.folder(cell)
-        shutil.rmtree(folder, ignore_errors=True)
-        folder.mkdir(parents=True)
+        folder.mkdir(parents=True, exist_ok=True)
+        for path in folder.iterdir():
+            if path.is_dir() and path.name != DATA:
+                shutil.rmtree(path)
+            elif path.is_file():
+                path.unlink()
         write_json(folder / "cell.json", {"schema": SCHEMA, "id": cell.id} | cell.identity)
         self.finish(cell, Status("running"))
         return folder

@@ -9,7 +9,7 @@ import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import causalbench
 from causalbench.core.discovery.settings import DiscoverySettings
@@ -54,6 +54,8 @@ class DiscoveryCell:
     seed: int
     settings: DiscoverySettings
 
+    cores: ClassVar[int] = 2  # processes that collect samples; no part of the result, nor of the id
+
     @cached_property
     def identity(self) -> dict[str, Any]:
         """All that the id is made of, as JSON data."""
@@ -78,6 +80,8 @@ class LearnerCell:
     learner: SACSettings
     evaluation: EvaluationSettings
     discovery: DiscoveryCell | None
+
+    cores: ClassVar[int] = 1
 
     @cached_property
     def identity(self) -> dict[str, Any]:

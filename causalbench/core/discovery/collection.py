@@ -34,6 +34,9 @@ N_WORLDS = 16
 LEAST_SHARE = 0.5
 """A stage in which some set has less than this share of the samples that were asked for is not decided."""
 
+PARALLEL_FROM = 5_000
+"""Samples in all from which starting processes pays."""
+
 POLL = 0.2  # s between two looks at how far the processes are
 
 About = Mapping[str, Any]
@@ -135,14 +138,15 @@ class Collection:
     """The samples of all stages, each collected when first asked for; with several `cores` all stages at once.
 
     `on_share(stage, share)` is told how far a stage is; `env_steps` counts those of the stages that were asked for.
-    A task or scene factory that cannot be pickled is stepped in this process alone.
+    A small collection, or a task or scene factory that cannot be pickled, is stepped in this process alone.
     """
 
     def __init__(self, recipe: Recipe, cores: int, on_share: Callable[[int, float], None]) -> None:
         self.recipe, self.on_share = recipe, on_share
         self.env_steps: dict[int, int] = {}
         self._batch: BatchScene | None = None
-        self._pool = _Pool(recipe, cores) if cores > 1 and recipe.make_scene and _pickles(recipe) else None
+        several = cores > 1 and recipe.make_scene is not None and _size(recipe) >= PARALLEL_FROM and _pickles(recipe)
+        self._pool = _Pool(recipe, cores) if several else None
 
     def stage(self, stage: int) -> StageSamples:
         """The samples of one stage. Raises `LayoutDrawError` or `UndecidedStageError`."""
@@ -214,6 +218,10 @@ class Collection:
         return StageSamples(random, inference, tuple(s.first(shortest) for s in interventions), tuple(notes))
 
 
+def _size(recipe: Recipe) -> int:
+    return recipe.task.n_stages * sum(stream.count for stream in streams(recipe.task, recipe.settings, 1))
+
+
 def _pickles(recipe: Recipe) -> bool:
     try:
         pickle.dumps(recipe)
@@ -226,7 +234,8 @@ class _Pool:
     """Processes that collect streams; all streams of all stages are queued at the first call."""
 
     def __init__(self, recipe: Recipe, cores: int) -> None:
-        context = multiprocessing.get_context("forkserver")
+        # Spawned, so that they share this process's standard output: what a simulator prints belongs with the rest.
+        context = multiprocessing.get_context("spawn")
         self.recipe = recipe
         self.stop = context.Event()
         self.steps = context.Array("q", recipe.task.n_stages + 1)
