@@ -68,6 +68,9 @@ def run(
     retry_failed: Annotated[
         bool, typer.Option(help="Run diverged and timed-out cells again, too; failed ones always are.")
     ] = False,
+    checkpoint_every: Annotated[
+        int, typer.Option(min=1, help="Environment steps after which a learner keeps what a killed run continues from.")
+    ] = 2_000,
     as_json: AsJson = False,
     quiet: Annotated[bool, typer.Option(help="Show no progress.")] = False,
 ) -> None:
@@ -75,11 +78,12 @@ def run(
     # Set before numpy is imported: a cell has one core, and sums must not depend on how many there are.
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
+    from causalbench.run.cell import Keeping
     from causalbench.run.session import Execution
 
     plan, folder, file = _plan(suite, tier, seeds, only, out)
     seconds = None if timeout is None else 60 * timeout
-    execution = Execution(executor.value, jobs or _cores(), seconds, retry_failed)
+    execution = Execution(executor.value, jobs or _cores(), seconds, retry_failed, Keeping(checkpoint_every))
     try:
         _execute(plan, folder, file, execution, quiet or as_json)
     except KeyboardInterrupt:

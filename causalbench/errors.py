@@ -56,8 +56,12 @@ class InvalidGraphError(UserError):
     """Raised when a causal graph does not fit the task (wrong names, wrong hash, an empty action set)."""
 
 
+class CheckpointError(UserError):
+    """Raised when a checkpoint is damaged, of another version, or was made by another run."""
+
+
 class DivergedError(CausalbenchError):
-    """Raised when a loss or a weight is no longer finite: the cell ends as `diverged`."""
+    """Raised when a loss explodes or a loss or weight is no longer finite: the cell ends as `diverged`."""
 
 
 class SuiteError(UserError):

@@ -49,6 +49,12 @@ class ToyBatch(BatchScene):
             self.hand.copy(), still, self.stage.copy(), no, zeros, still, zeros, np.zeros((self.n, 2)), no, no, no
         )
 
+    def snapshots(self):
+        raise NotImplementedError
+
+    def restore(self, snapshots):
+        raise NotImplementedError
+
     def close(self):
         pass
 

@@ -34,6 +34,14 @@ class BatchScene(ABC):
         """What holds now, every field with leading dimension n."""
 
     @abstractmethod
+    def snapshots(self) -> list[bytes]:
+        """`Scene.snapshot` of every world."""
+
+    @abstractmethod
+    def restore(self, snapshots: Sequence[bytes]) -> None:
+        """Return every world to its snapshot, as `Scene.restore`."""
+
+    @abstractmethod
     def close(self) -> None:
         """Release what the worlds hold; may be called twice."""
 
@@ -53,6 +61,13 @@ class SceneList(BatchScene):
 
     def facts(self) -> Facts:
         return stack([scene.facts() for scene in self.scenes])
+
+    def snapshots(self) -> list[bytes]:
+        return [scene.snapshot() for scene in self.scenes]
+
+    def restore(self, snapshots: Sequence[bytes]) -> None:
+        for scene, snapshot in zip(self.scenes, snapshots, strict=True):
+            scene.restore(snapshot)
 
     def close(self) -> None:
         for scene in self.scenes:

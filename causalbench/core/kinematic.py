@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -196,6 +197,12 @@ class KinematicBatch(BatchScene):
     def facts(self) -> Facts:
         return self._worlds.facts()
 
+    def snapshots(self) -> list[bytes]:
+        return [_pack(row) for row in self._worlds.state]
+
+    def restore(self, snapshots: Sequence[bytes]) -> None:
+        self._worlds.state[:] = [_unpack(snapshot) for snapshot in snapshots]
+
     def close(self) -> None:
         """Nothing to release."""
 
@@ -220,12 +227,21 @@ class KinematicScene(Scene, Batchable):
         return self._world.facts()
 
     def snapshot(self) -> bytes:
-        return SNAPSHOT_HEADER + self._world.state.tobytes()
+        return _pack(self._world.state)
 
     def restore(self, snapshot: bytes) -> None:
-        if not snapshot.startswith(SNAPSHOT_HEADER) or len(snapshot) != len(SNAPSHOT_HEADER) + self._world.state.nbytes:
-            raise SnapshotError("these bytes are not a snapshot of this version of the kinematic backend")
-        self._world.state[:] = np.frombuffer(snapshot[len(SNAPSHOT_HEADER) :])
+        self._world.state[:] = _unpack(snapshot)
+
+
+def _pack(row: Array) -> bytes:
+    return SNAPSHOT_HEADER + row.tobytes()
+
+
+def _unpack(snapshot: bytes) -> Array:
+    state = snapshot.removeprefix(SNAPSHOT_HEADER)
+    if len(state) == len(snapshot) or len(state) != WIDTH * np.dtype(np.float64).itemsize:
+        raise SnapshotError("these bytes are not a snapshot of this version of the kinematic backend")
+    return np.frombuffer(state)
 
 
 def make() -> Scene:

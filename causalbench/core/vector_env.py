@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import gymnasium as gym
@@ -82,6 +83,22 @@ class StageTaskVectorEnv(gym.vector.VectorEnv[Observation, NDArray[Any], NDArray
         self._facts = self.batch.facts()
         self._stage = self.task.stage(self._facts)
         self._clock[worlds] = 0
+
+    def state(self) -> dict[str, Any]:
+        """Everything that later steps depend on: a snapshot, a clock, a stage and a generator for each world."""
+        snapshots = {f"world{i}": np.frombuffer(data, np.uint8) for i, data in enumerate(self.batch.snapshots())}
+        rngs = [rng.bit_generator.state for rng in self._rngs]
+        return snapshots | {"clock": self._clock, "stage": self._stage, "rngs": rngs}
+
+    def load_state(self, state: Mapping[str, Any]) -> Observation:
+        """Go on from `state`, bit for bit if the backend has "exact_restore"; what the worlds then observe."""
+        self.batch.restore([np.asarray(state[f"world{i}"]).tobytes() for i in range(self.num_envs)])
+        self._clock[:], self._stage = state["clock"], np.asarray(state["stage"])
+        self._rngs = [np.random.default_rng() for _ in range(self.num_envs)]
+        for rng, rng_state in zip(self._rngs, state["rngs"], strict=True):
+            rng.bit_generator.state = rng_state
+        self._facts = self.batch.facts()
+        return self._observer(self._facts, self._stage)
 
     def close(self, **kwargs: Any) -> None:
         """Close the worlds; may be called twice."""

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import functools
+import logging
 import time
-import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from causalbench.core.scene import Scene
 from causalbench.core.tasks.task import Task
 from causalbench.errors import CausalbenchError, DivergedError
 from causalbench.plugins import installed
-from causalbench.store.cells import DATA, RunFolder, State, Status
+from causalbench.store.cells import CHECKPOINT, DATA, LOG, RunFolder, State, Status
 from causalbench.store.files import write_folder, write_text
 from causalbench.store.records import write_counts, write_progress
 from causalbench.store.samples import SampleFolder
@@ -34,28 +35,54 @@ class Progress:
 
 OnProgress = Callable[[Progress], None]
 
+LOGGER = logging.getLogger("causalbench")
 
-def run_cell(cell: Cell, run: RunFolder, on_progress: OnProgress, cores: int = 1) -> Status:
+
+@dataclass(frozen=True)
+class Keeping:
+    """What a learner cell keeps beside its results, none of which it changes."""
+
+    checkpoint_every: int = 2_000  # env steps
+
+
+def run_cell(cell: Cell, run: RunFolder, on_progress: OnProgress, keeping: Keeping, cores: int = 1) -> Status:
     """Run `cell`, which `run.start` has prepared, fill its folder and return its status; it may use `cores`.
 
     An error becomes the status; its traceback goes to `log.txt`.
     """
     folder = run.folder(cell)
     started = time.monotonic()
-    try:
-        use_one_thread()
-        if isinstance(cell, DiscoveryCell):
-            steps = _discover(cell, folder, on_progress, cores)
-        else:
-            steps = _learn(cell, folder, run, on_progress)
-        status = Status("done", "", time.monotonic() - started, steps)
-    except Exception as error:
-        _log(folder, traceback.format_exc())
-        kind = "" if isinstance(error, CausalbenchError) else f"{type(error).__name__}: "
-        state: State = "diverged" if isinstance(error, DivergedError) else "failed"
-        status = Status(state, f"{kind}{error}", time.monotonic() - started)
+    with _logging_to(folder / LOG):
+        try:
+            use_one_thread()
+            if isinstance(cell, DiscoveryCell):
+                steps = _discover(cell, folder, on_progress, cores)
+            else:
+                steps = _learn(cell, folder, run, on_progress, keeping)
+            status = Status("done", "", time.monotonic() - started, steps)
+        except Exception as error:
+            LOGGER.exception("the cell ends here")
+            kind = "" if isinstance(error, CausalbenchError) else f"{type(error).__name__}: "
+            state: State = "diverged" if isinstance(error, DivergedError) else "failed"
+            status = Status(state, f"{kind}{error}", time.monotonic() - started)
     run.finish(cell, status)
     return status
+
+
+@contextmanager
+def _logging_to(path: Path) -> Iterator[None]:
+    """Append what causalbench logs to `path`."""
+    handler = logging.FileHandler(path, encoding="utf-8")
+    handler.setFormatter(logging.Formatter("%(asctime)s %(message)s", "%H:%M:%S"))
+    level = LOGGER.level
+    LOGGER.addHandler(handler)
+    LOGGER.setLevel(logging.INFO)
+    try:
+        yield
+    finally:
+        LOGGER.removeHandler(handler)
+        LOGGER.setLevel(level)
+        handler.close()
 
 
 def use_one_thread() -> None:
@@ -98,7 +125,8 @@ def write_graph(folder: Path, graph: CausalGraph) -> None:
     write_text(folder / "graph.json", graph.to_json() + "\n")
 
 
-def _learn(cell: LearnerCell, folder: Path, run: RunFolder, on_progress: OnProgress) -> int:
+def _learn(cell: LearnerCell, folder: Path, run: RunFolder, on_progress: OnProgress, keeping: Keeping) -> int:
+    from causalbench.core.learners.checkpoint import Checkpoints
     from causalbench.core.learners.training import train
 
     task = installed().task(cell.task.name)
@@ -115,6 +143,7 @@ def _learn(cell: LearnerCell, folder: Path, run: RunFolder, on_progress: OnProgr
         cell.seed,
         watcher.on_evaluation,
         watcher.on_progress,
+        Checkpoints(folder / CHECKPOINT, keeping.checkpoint_every),
     )
     write_counts(folder / "counts.json", counts, graph)
     write_folder(folder / "policy", policy.save)
@@ -142,21 +171,15 @@ class _Watcher:
         self.reversals: float | None = None
 
     def on_evaluation(self, evaluation: Evaluation, counts: TrainingCounts) -> None:
-        """Write the evaluation to `progress.csv` and `log.txt`."""
+        """Write the evaluation to `progress.csv` and log it."""
         self.evaluations.append(evaluation)
         write_progress(self.folder / "progress.csv", self.evaluations)
         self.success = evaluation.success_deterministic
         self.reversals = 1000 * counts.reversals / max(counts.env_steps, 1)
-        _log(
-            self.folder,
-            f"step {evaluation.env_steps}: success {self.success:.2f}, final stage {evaluation.mean_final_stage:.2f}\n",
+        LOGGER.info(
+            "step %d: success %.2f, final stage %.2f", evaluation.env_steps, self.success, evaluation.mean_final_stage
         )
 
     def on_progress(self, fraction: float, text: str) -> None:
         """Hand on how far training is."""
         self.report(Progress(fraction, text, self.success, self.reversals))
-
-
-def _log(folder: Path, text: str) -> None:
-    with (folder / "log.txt").open("a", encoding="utf-8") as file:
-        file.write(f"{time.strftime('%H:%M:%S')} {text}")

@@ -6,6 +6,7 @@ A learner cell that needs a discovered graph starts once that discovery is done,
 from __future__ import annotations
 
 import faulthandler
+import functools
 import multiprocessing
 import multiprocessing.connection
 import os
@@ -17,8 +18,8 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from multiprocessing.context import ForkServerContext, ForkServerProcess
 
-from causalbench.run.cell import Progress, run_cell
-from causalbench.store.cells import RunFolder, Status
+from causalbench.run.cell import Keeping, Progress, run_cell
+from causalbench.store.cells import LOG, RunFolder, Status
 from causalbench.suite.plan import Cell, DiscoveryCell
 
 Outcomes = Iterator[tuple[Cell, Status]]
@@ -34,7 +35,7 @@ PRELOAD = [
 """What the fork server imports once for all cells. Never a simulator: many cannot be forked."""
 
 
-def serial(cells: Sequence[Cell], run: RunFolder, on_progress: OnCellProgress) -> Outcomes:
+def serial(cells: Sequence[Cell], run: RunFolder, on_progress: OnCellProgress, keeping: Keeping) -> Outcomes:
     """One after the other in this process: for debugging, since a crash ends everything."""
     for cell in cells:
         missing = _missing_graph(cell, run)
@@ -43,13 +44,15 @@ def serial(cells: Sequence[Cell], run: RunFolder, on_progress: OnCellProgress) -
             run.finish(cell, status)
         else:
             run.start(cell)
-            status = run_cell(cell, run, lambda progress, cell=cell: on_progress(cell, progress))  # type: ignore[misc]
+            report = functools.partial(on_progress, cell)
+            status = run_cell(cell, run, report, keeping)
         yield cell, status
 
 
 def processes(
-    cells: Sequence[Cell], run: RunFolder, on_progress: OnCellProgress, jobs: int, timeout: float | None = None
-) -> Outcomes:
+    cells: Sequence[Cell], run: RunFolder, on_progress: OnCellProgress, keeping: Keeping,
+    jobs: int, timeout: float | None = None,
+) -> Outcomes:  # fmt: skip
     """One process per cell, `jobs` cores at a time; a crash, a kill or `timeout` seconds end that cell only."""
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(PRELOAD)
@@ -64,7 +67,7 @@ def processes(
                     yield cell, run.status(cell)
                 elif sum(job.cores for job in running) + min(cell.cores, jobs) <= jobs:
                     waiting.remove(cell)
-                    running.append(_start(context, cell, run, timeout, min(cell.cores, jobs)))
+                    running.append(_start(context, cell, run, keeping, timeout, min(cell.cores, jobs)))
             _receive(running, on_progress)
             for job in [job for job in running if job.has_ended()]:
                 running.remove(job)
@@ -126,10 +129,12 @@ class _Running:
         return Status("failed", f"its process {how}; see log.txt")
 
 
-def _start(context: ForkServerContext, cell: Cell, run: RunFolder, timeout: float | None, cores: int) -> _Running:
+def _start(
+    context: ForkServerContext, cell: Cell, run: RunFolder, keeping: Keeping, timeout: float | None, cores: int
+) -> _Running:
     link, far_end = context.Pipe()
     run.start(cell)
-    process = context.Process(target=_work, args=(cell, run, far_end, cores))
+    process = context.Process(target=_work, args=(cell, run, keeping, far_end, cores))
     process.start()
     far_end.close()
     return _Running(cell, process, link, time.monotonic() + (timeout or float("inf")), cores)
@@ -148,16 +153,16 @@ def _receive(running: Sequence[_Running], on_progress: OnCellProgress) -> None:
                 by_link[ready].process.join()  # the far end closes only when the process ends
 
 
-def _work(cell: Cell, run: RunFolder, link: Connection, cores: int) -> None:
+def _work(cell: Cell, run: RunFolder, keeping: Keeping, link: Connection, cores: int) -> None:
     """What a cell's process does."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's, which then kills its cells
     threading.Thread(target=_die_with_parent, args=(link,), daemon=True).start()
     # What a simulator prints from C, and the trace of a segfault, belong to the cell.
-    log = os.open(run.folder(cell) / "log.txt", os.O_WRONLY | os.O_CREAT | os.O_APPEND)
+    log = os.open(run.folder(cell) / LOG, os.O_WRONLY | os.O_CREAT | os.O_APPEND)
     os.dup2(log, 1)
     os.dup2(log, 2)
     faulthandler.enable()
-    run_cell(cell, run, _Throttle(link).send, cores)
+    run_cell(cell, run, _Throttle(link).send, keeping, cores)
     # All is on disk; what simulators do when an interpreter ends may hang or crash.
     os._exit(0)
 

@@ -17,6 +17,7 @@ from typing import Any
 
 from causalbench.errors import UserError
 from causalbench.plugins import Plugins
+from causalbench.run.cell import Keeping
 from causalbench.run.executors import Outcomes, processes, serial
 from causalbench.run.live import View
 from causalbench.store.cells import SCHEMA, RunFolder, State, check_comparable
@@ -32,20 +33,21 @@ PACKAGES = ("causalbench-robotics", "gymnasium", "numpy", "torch", "stable-basel
 
 @dataclass(frozen=True)
 class Execution:
-    """How to run: executor, cells at a time, seconds a cell may take (None: no limit), what to run again."""
+    """How to run: executor, cells at a time, seconds a cell may take (None: no limit), what to repeat and to keep."""
 
     executor: str
     jobs: int
     timeout: float | None
     retry: bool
+    keeping: Keeping
 
     def outcomes(self, cells: Sequence[Cell], run: RunFolder, view: View) -> Outcomes:
         """Start the executor. Raises `UserError` for a limit that it cannot keep."""
         if self.executor == "processes":
-            return processes(cells, run, view.on_progress, self.jobs, self.timeout)
+            return processes(cells, run, view.on_progress, self.keeping, self.jobs, self.timeout)
         if self.timeout is not None:
             raise UserError("--timeout needs a process per cell: use --executor processes")
-        return serial(cells, run, view.on_progress)
+        return serial(cells, run, view.on_progress, self.keeping)
 
 
 def run_plan(

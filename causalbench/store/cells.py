@@ -19,6 +19,9 @@ State = Literal["done", "failed", "timeout", "diverged", "skipped", "running", "
 STATES: tuple[str, ...] = get_args(State)
 DATA = "data"
 """The samples of a discovery cell: an unfinished one continues from those that are there."""
+CHECKPOINT = "checkpoint.safetensors"
+"""What an unfinished learner cell continues from."""
+LOG = "log.txt"
 KINDS = {"learner": "cells", "discovery": "discovery"}
 """Kind of a cell -> the folder that such cells lie in."""
 
@@ -91,25 +94,33 @@ class RunFolder:
         return self.path / KINDS[cell.identity["kind"]] / cell.id
 
     def start(self, cell: Identified) -> Path:
-        """A folder for `cell`, marked as running; of what an earlier attempt left only its samples stay."""
+        """A folder for `cell`, marked as running; of an earlier attempt only what it continues from stays.
+
+        That is a discovery cell's samples, and a learner cell's checkpoint with the log up to it.
+        """
         folder = self.folder(cell)
         folder.mkdir(parents=True, exist_ok=True)
+        keep = {DATA} | ({CHECKPOINT, LOG} if (folder / CHECKPOINT).exists() else set())
         for path in folder.iterdir():
-            if path.is_dir() and path.name != DATA:
+            if path.name in keep:
+                continue
+            if path.is_dir():
                 shutil.rmtree(path)
-            elif path.is_file():
+            else:
                 path.unlink()
         write_json(folder / "cell.json", {"schema": SCHEMA, "id": cell.id} | cell.identity)
         self.finish(cell, Status("running"))
         return folder
 
     def finish(self, cell: Identified, status: Status) -> None:
-        """Record `status`; for a cell that is done this is its last write."""
+        """Record `status`; for a cell that is done this is its last write, and its checkpoint has served."""
         folder = self.folder(cell)
         if not folder.exists():  # a cell that was skipped never started
             folder.mkdir(parents=True)
             write_json(folder / "cell.json", {"schema": SCHEMA, "id": cell.id} | cell.identity)
         write_json(folder / "status.json", {"schema": SCHEMA} | dataclasses.asdict(status))
+        if status.state == "done":
+            (folder / CHECKPOINT).unlink(missing_ok=True)
 
     def status(self, cell: Identified) -> Status:
         """How `cell` stands; pending if it was never started."""

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from causalbench.core.learners.learner import State
 from causalbench.core.learners.records import TrainingCounts
 
 LONG = 3  # steps that a reversal lasts to count as long
@@ -46,3 +48,20 @@ class Counter:
                 counts.reached[int(s)] += 1
         self._best = np.where(over, 0, np.maximum(self._best, reached))
         self._lost = np.where(over, 0, self._lost)
+
+    def state(self) -> State:
+        """The counts and the episodes under way."""
+        counts = vars(self.counts) | {name: _texts(getattr(self.counts, name)) for name in ("reached", "updates")}
+        return counts | {"best": self._best, "lost": self._lost, "lost_for": self._lost_for}
+
+    def load_state(self, state: State) -> None:
+        """Go on from `state`."""
+        state = dict(state)
+        self._best, self._lost, self._lost_for = (np.array(state.pop(k)) for k in ("best", "lost", "lost_for"))
+        per_stage = {name: {int(s): n for s, n in state[name].items()} for name in ("reached", "updates")}
+        self.counts = TrainingCounts(**state | per_stage | {"transitions": np.array(state["transitions"])})
+
+
+def _texts(per_stage: Mapping[int, int]) -> dict[str, int]:
+    """JSON's keys are texts."""
+    return {str(stage): n for stage, n in per_stage.items()}

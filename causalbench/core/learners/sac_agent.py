@@ -34,6 +34,7 @@ from causalbench.errors import DivergedError
 
 SCALE_DECAY = 0.99  # of the running mean |Q| that cSAC normalises by
 LEAST_SCALE = 1e-2
+EXPLODED = 1e10  # loss at which training has diverged: values are wrong by about 1e5 stage bonuses
 
 
 class SACAgent:
@@ -89,11 +90,18 @@ class SACAgent:
             with torch.no_grad():
                 torch._foreach_lerp_(self.targets, self.critics, self.settings.tau)
             self.updates += 1
-        if gradient_steps and not bool(torch.isfinite(critic_loss + actor_loss)):
-            raise DivergedError(
-                f"loss is not finite after {self.updates} updates "
-                f"(critic {float(critic_loss.detach())}, actor {float(actor_loss.detach())})"
-            )
+        if gradient_steps:
+            self._check(float(critic_loss.detach()), float(actor_loss.detach()))
+
+    def _check(self, critic_loss: float, actor_loss: float) -> None:
+        """Raise `DivergedError` unless the losses are sane, and finite what was updated last and so entered none."""
+        if not abs(critic_loss) + abs(actor_loss) < EXPLODED:  # also when it is not a number
+            wrong = f"loss exploded or is not finite (critic {critic_loss:.3g}, actor {actor_loss:.3g})"
+        elif not all(bool(torch.isfinite(w).all()) for w in (*self.actor, self.log_alpha)):
+            wrong = "a weight of the policy or the temperature is not finite"
+        else:
+            return
+        raise DivergedError(f"{wrong} after {self.updates} updates")
 
     def state(self) -> State:
         """Weights, optimisers, buffer, generator and counts."""

@@ -19,6 +19,7 @@ from causalbench.core.learners.replay import Batch
 from causalbench.core.learners.sac_agent import SACAgent
 from causalbench.core.learners.settings import SACSettings
 from causalbench.core.tasks.task import Task
+from causalbench.errors import DivergedError
 
 
 class StagedSAC:
@@ -90,7 +91,7 @@ class StagedSAC:
     def train(self) -> None:
         """Algorithm 3, lines "if the cumulative number of new samples >= count: training pi_i"."""
         starts = self.settings.learning_starts
-        for agent, following in zip(self.agents, [*self.agents[1:], None], strict=True):
+        for stage, (agent, following) in enumerate(zip(self.agents, [*self.agents[1:], None], strict=True), 1):
             if agent.buffer.size < starts:
                 agent.buffer.new = 0
             elif agent.buffer.new >= self.settings.train_every:
@@ -98,7 +99,10 @@ class StagedSAC:
                 agent.buffer.new = 0
                 # The next critic says nothing about this stage's states until it has seen data of its own.
                 ready = self.method.cooperation and following is not None and following.buffer.size >= starts
-                agent.train(steps, following if ready else None)
+                try:
+                    agent.train(steps, following if ready else None)
+                except DivergedError as error:
+                    raise DivergedError(f"stage {stage}: {error}") from error
 
     def updates(self) -> dict[int, int]:
         """Stage -> gradient updates so far."""

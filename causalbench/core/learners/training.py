@@ -2,23 +2,33 @@
 
 from __future__ import annotations
 
+import dataclasses
+import logging
 from collections.abc import Callable, Mapping
+from typing import Any
 
+import numpy as np
+import torch
+
+import causalbench
 from causalbench.core.batch import make_batch
 from causalbench.core.discovery.graph import CausalGraph, manual_graph
 from causalbench.core.env import StageTaskEnv
+from causalbench.core.learners.checkpoint import Checkpoints, load_checkpoint, save_checkpoint
 from causalbench.core.learners.counting import Counter
 from causalbench.core.learners.evaluate import evaluate
-from causalbench.core.learners.learner import StagedLearner
+from causalbench.core.learners.learner import StagedLearner, below, prefixed
 from causalbench.core.learners.methods import Method
 from causalbench.core.learners.policy import ObservationScale, StagedPolicy
 from causalbench.core.learners.records import Evaluation, TrainingCounts
 from causalbench.core.learners.settings import EvaluationSettings, SACSettings
 from causalbench.core.learners.staged_sac import StagedSAC
-from causalbench.core.scene import Scene
+from causalbench.core.scene import Scene, SceneSpec
 from causalbench.core.tasks.task import Task
 from causalbench.core.vector_env import StageTaskVectorEnv
-from causalbench.errors import InvalidGraphError
+from causalbench.errors import DivergedError, InvalidGraphError
+
+LOG = logging.getLogger(__name__)
 
 LEARNERS: Mapping[str, Callable[..., StagedLearner]] = {"SAC": StagedSAC}
 """What a row of the method table calls its `learner`, made from (task, method, graph, scale, settings, seed)."""
@@ -35,12 +45,20 @@ def train(
     seed: int,
     on_evaluation: Callable[[Evaluation, TrainingCounts], None],
     on_progress: Callable[[float, str], None],
+    checkpoints: Checkpoints | None = None,
 ) -> tuple[StagedPolicy, TrainingCounts]:
     """Train `method` for `env_steps` control steps, all worlds together; deterministic in `seed`.
 
-    `graph` is the discovered one where the method asks for it; the declared and the empty one are found here.
-    `on_evaluation` gets an evaluation every `evaluation.every` steps and one at the end.
-    Raises `InvalidGraphError` for a missing or wrong graph and `DivergedError` for a loss that is not finite.
+    Worlds step together, so a budget that is no multiple of `settings.n_envs` is rounded up to one; the counts have
+    the steps taken. `graph` is the discovered one where the method asks for it; the declared and the empty one are
+    found here. `on_evaluation` gets an evaluation every `evaluation.every` steps and one at the end.
+
+    With `checkpoints`, a call that was killed goes on from its last checkpoint when it is repeated, and ends with the
+    same bits as an uninterrupted one; `on_evaluation` first gets the evaluations made before. A backend that lacks
+    "exact_restore" starts again instead.
+
+    Raises `InvalidGraphError` for a missing or wrong graph, `CheckpointError` for a checkpoint that is not this
+    run's, and `DivergedError` for a loss that explodes or is not finite.
     """
     graph = _graph_of(task, method, graph)
     env = StageTaskVectorEnv(task, make_batch(make_scene, settings.n_envs), settings.observe_gripper)
@@ -50,27 +68,70 @@ def train(
         learner = LEARNERS[method.learner](task, method, graph, scale, settings, seed)
         counter = Counter(task.n_stages, env.num_envs)
         obs, _ = env.reset(seed=seed)
-        next_evaluation = evaluation.every
+        history: list[Evaluation] = []
+        if checkpoints and "exact_restore" not in env.batch.spec.capabilities:
+            LOG.info("backend %s does not restore exactly: no checkpoints are kept", env.batch.spec.backend)
+            checkpoints = None
+        if checkpoints:
+            identity = _identity(task, env.batch.spec, method, graph, settings, evaluation, env_steps, seed)
+            if state := load_checkpoint(checkpoints.path, identity):
+                obs = env.load_state(below("env", state))
+                learner.load_state(below("learner", state))
+                counter.load_state(below("counter", state))
+                history = [Evaluation(**record) for record in state["evaluations"]]
+                LOG.info("continued from the checkpoint at step %d", counter.counts.env_steps)
+                for earlier in history:
+                    on_evaluation(earlier, counter.counts)
         while counter.counts.env_steps < env_steps:
+            before = counter.counts.env_steps
             actions = learner.act(obs)
-            next_obs, _, terminated, truncated, infos = env.step(actions)
+            obs_before, (obs, _, terminated, truncated, infos) = obs, env.step(actions)
             over = terminated | truncated
-            learner.remember(obs, actions, infos, over)
+            learner.remember(obs_before, actions, infos, over)
             counter.add(infos, over)
-            learner.train()
-            obs = next_obs
             taken = counter.counts.env_steps
+            try:
+                learner.train()
+            except DivergedError as error:
+                kept = f"; last checkpoint: {checkpoints.path}" if checkpoints and checkpoints.path.exists() else ""
+                raise DivergedError(f"env step {taken}, {error}{kept}") from error
             on_progress(min(1.0, taken / env_steps), f"stage {int(obs['stage'].max()) + 1}")
-            if taken >= next_evaluation or taken >= env_steps:
-                next_evaluation += evaluation.every
-                final = taken >= env_steps
-                episodes = evaluation.final_episodes if final else evaluation.episodes
+            final = taken >= env_steps
+            if final or taken // evaluation.every > before // evaluation.every:
                 counter.counts.updates = learner.updates()
-                on_evaluation(evaluate(learner.policy, judge_env, episodes, taken), counter.counts)
+                episodes = evaluation.final_episodes if final else evaluation.episodes
+                history.append(evaluate(learner.policy, judge_env, episodes, taken))
+                on_evaluation(history[-1], counter.counts)
+            if checkpoints and not final and taken // checkpoints.every > before // checkpoints.every:
+                state = prefixed("env", env.state()) | prefixed("learner", learner.state())
+                state |= prefixed("counter", counter.state())
+                state["evaluations"] = [dataclasses.asdict(record) for record in history]
+                save_checkpoint(checkpoints.path, state, identity)
+        unreached = [stage for stage, episodes in counter.counts.reached.items() if not episodes]
+        if unreached:
+            LOG.info("never reached, so not trained: stages %s", unreached)
         return learner.policy, counter.counts
     finally:
         env.close()
         judge_env.close()
+
+
+def _identity(
+    task: Task, spec: SceneSpec, method: Method, graph: CausalGraph | None, settings: SACSettings,
+    evaluation: EvaluationSettings, env_steps: int, seed: int,
+) -> dict[str, Any]:  # fmt: skip
+    """What two runs must share for one to continue the other, bit for bit, as JSON data."""
+    return {
+        "task": {"name": task.name, "version": task.version, "constants": dict(task.constants)},
+        "backend": dataclasses.asdict(spec) | {"capabilities": sorted(spec.capabilities)},
+        "method": dataclasses.asdict(method),
+        "graph": graph.hash if graph else None,
+        "settings": dataclasses.asdict(settings),
+        "evaluation": dataclasses.asdict(evaluation),
+        "env_steps": env_steps,
+        "seed": seed,
+        "versions": {"causalbench": causalbench.__version__, "numpy": np.__version__, "torch": torch.__version__},
+    }
 
 
 def _graph_of(task: Task, method: Method, graph: CausalGraph | None) -> CausalGraph | None:
