@@ -10,13 +10,12 @@ import pytest
 import torch
 
 from causalbench.core.discovery.graph import manual_graph
-from causalbench.core.learners.checkpoint import Checkpoints, load_checkpoint, save_checkpoint
+from causalbench.core.learners.checkpoint import Checkpoints
 from causalbench.core.learners.methods import METHODS
 from causalbench.core.learners.records import Evaluation
 from causalbench.core.learners.settings import EvaluationSettings, SACSettings
 from causalbench.core.learners.training import train
 from causalbench.core.tasks.pure_manipulation import TASK
-from causalbench.errors import CheckpointError
 from causalbench.plugins import installed
 
 METHOD = {method.name: method for method in METHODS}
