@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from typing import Any
 
-import numba
+import numpy as np
+
+from causalbench.core.compiled import cached, can_compile, compiled
+
+DTYPES = {"f8": np.float64, "i8": np.int64, "b1": np.bool_}
 
 
 def broadcast(types: str, layout: str) -> Callable[[Callable[..., None]], Any]:
@@ -13,11 +18,40 @@ def broadcast(types: str, layout: str) -> Callable[[Callable[..., None]], Any]:
 
     `types` are numba's, comma-separated, `layout` is the gufunc signature, e.g. "f8[:], i8[:]" and "(n)->()".
     Tasks are judged at every control step: for one world the compiled call costs 3 microseconds where a dozen
-    numpy calls cost 30, and far more once physics has emptied the caches. Compiled once per machine, cached on disk.
+    numpy calls cost 30, and far more once physics has emptied the caches.
     """
-    return numba.guvectorize([f"void({types})"], layout, nopython=True, cache=True)  # type: ignore[no-untyped-call]
+
+    def decorate(function: Callable[..., None]) -> Any:
+        if not can_compile(function):
+            return interpreted(function, types, layout)
+        import numba
+
+        return cached(numba.guvectorize, [f"void({types})"], layout, nopython=True)(function)
+
+    return decorate
 
 
-def scalar(function: Callable[..., Any]) -> Callable[..., Any]:
-    """A decorator for a helper that `broadcast` functions of the same file call."""
-    return numba.njit(cache=True)(function)
+scalar = compiled
+"""A decorator for a helper that `broadcast` functions of the same file call."""
+
+
+def interpreted(function: Callable[..., None], types: str, layout: str) -> Callable[..., Any]:
+    """What `broadcast` makes of `function`, without a compiler: a loop over the batch."""
+    dtypes = [DTYPES[name.strip().removesuffix("[:]")] for name in types.split(",")]
+    *inputs, output = [[name for name in dims.split(",") if name] for dims in re.findall(r"\(([^)]*)\)", layout)]
+
+    def call(*arguments: Any) -> Any:
+        arrays = [np.asarray(argument, dtype) for argument, dtype in zip(arguments, dtypes[:-1], strict=True)]
+        cuts = [array.ndim - len(dims) for array, dims in zip(arrays, inputs, strict=True)]
+        batch = np.broadcast_shapes(*(array.shape[:cut] for array, cut in zip(arrays, cuts, strict=True)))
+        whole = [np.broadcast_to(a, batch + a.shape[cut:]) for a, cut in zip(arrays, cuts, strict=True)]
+        sizes: dict[str, int] = {}
+        for array, cut, dims in zip(arrays, cuts, inputs, strict=True):
+            sizes |= zip(dims, array.shape[cut:], strict=True)
+        core = tuple(sizes[name] for name in output)
+        out = np.empty(batch + (core or (1,)), dtypes[-1])
+        for index in np.ndindex(batch):
+            function(*(array[index] for array in whole), out[index])
+        return out.reshape(batch + core)[()]
+
+    return call
