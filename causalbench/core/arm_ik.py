@@ -46,6 +46,19 @@ class Chain(NamedTuple):
     limits: Array
 
 
+def chain_at_zero(anchors: Array, axes: Array, limits: Array, position: Array, rotation: Array) -> Chain:
+    """The chain of an arm whose joints are all at 0, from what any simulator tells about it there.
+
+    `anchors` (n, 3) m are points on the joints' axes and `axes` (n, 3) their unit directions; `position` (3,) and
+    `rotation` (3, 3) are the pose of the end effector, its z along the approach axis and its y along the closing
+    axis; all in the frame that the chain shall have, for a robot its base frame. `limits` (n, 2) rad.
+    """
+    points = np.vstack([np.zeros(3), anchors, position])
+    turns = np.tile(np.eye(3), (len(anchors) + 1, 1, 1))
+    turns[-1] = rotation
+    return Chain(turns, np.diff(points, axis=0), np.array(axes, dtype=np.float64), np.array(limits, dtype=np.float64))
+
+
 @compiled
 def axis_rotation(axis: Array, angle: float, out: Array) -> None:
     """`out` (3, 3) = the rotation by `angle` about the unit vector `axis` (Rodrigues)."""
