@@ -18,7 +18,7 @@ import pytest
 # Before anything imports torch: on shared cores its threads wait for one another, and small networks need none.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
-pytest_plugins = ("pytester",)
+pytest_plugins = ("pytester", "backend_option")  # the latter is in tests/
 
 LIST = "tests/allowed_skips.txt"
 

@@ -204,6 +204,18 @@ def check(
         raise typer.Exit(EXIT_FAILED)
 
 
+@app.command()
+def new_backend(
+    name: Annotated[str, typer.Argument(help="Name to register, such as my_sim.")],
+    out: Annotated[Path, typer.Option(help="Where the new folder NAME_backend goes.")] = Path(),
+) -> None:
+    """Write a plugin that passes `check`, for you to put your simulator into."""
+    from causalbench.scaffold import write_backend
+
+    folder = write_backend(name, out)
+    typer.echo(f"wrote {folder}; now: pip install -e {folder} && causalbench check {name}, then {folder}/README.md")
+
+
 def _options(given: Iterable[str]) -> dict[str, Any]:
     """`["timestep=0.002"]` as keyword arguments; a value that is no number, true or false stays a string."""
     import json

@@ -7,9 +7,12 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import backend_option
 import pytest
 import torch
 
+# Compiles the task: the first compilation on a machine is announced on stderr, which tests of processes compare.
+import causalbench.core.tasks.pure_manipulation  # noqa: F401
 from causalbench.core.env import StageTaskEnv
 from causalbench.core.scene import Scene
 from causalbench.plugins import installed
@@ -18,17 +21,14 @@ from causalbench.registration import make_env
 # Two threads in each of several test processes on a few cores wait for each other: up to 50 times slower.
 torch.set_num_threads(1)
 
-# Named, not looked up: a plugin or simulator that is not installed must fail here, never go missing.
-BACKENDS = ("kinematic", "gymrob", "pybullet", "robosuite")
-
 
 @pytest.fixture
-def backends() -> tuple[str, ...]:
+def backends(request: pytest.FixtureRequest) -> tuple[str, ...]:
     """Names of all backends under test."""
-    return BACKENDS
+    return backend_option.chosen(request.config)
 
 
-@pytest.fixture(params=BACKENDS)
+@pytest.fixture(params=backend_option.names())
 def backend(request: pytest.FixtureRequest) -> str:
     return request.param
 

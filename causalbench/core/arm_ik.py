@@ -1,21 +1,19 @@
 """Kinematics of a serial arm with hinge joints: poses, the macro actions' joint targets, and full solutions.
 
-Simulator-free, compiled by numba and cached on disk (in the package if it is writable, else in the user's
-cache directory or `NUMBA_CACHE_DIR`). All poses are in the frame the chain starts in: for a robot its base frame.
+Simulator-free and compiled (`causalbench.core.compiled`). All poses are in the frame the chain starts in: for a robot
+its base frame.
 """
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Iterable
-from functools import cache
 from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
 from causalbench.core import rotations
+from causalbench.core.compiled import compiled
 from causalbench.core.layout import Layout
 from causalbench.errors import UnreachableLayoutError
 
@@ -48,7 +46,20 @@ class Chain(NamedTuple):
     limits: Array
 
 
-@nb.njit(cache=True)
+def chain_at_zero(anchors: Array, axes: Array, limits: Array, position: Array, rotation: Array) -> Chain:
+    """The chain of an arm whose joints are all at 0, from what any simulator tells about it there.
+
+    `anchors` (n, 3) m are points on the joints' axes and `axes` (n, 3) their unit directions; `position` (3,) and
+    `rotation` (3, 3) are the pose of the end effector, its z along the approach axis and its y along the closing
+    axis; all in the frame that the chain shall have, for a robot its base frame. `limits` (n, 2) rad.
+    """
+    points = np.vstack([np.zeros(3), anchors, position])
+    turns = np.tile(np.eye(3), (len(anchors) + 1, 1, 1))
+    turns[-1] = rotation
+    return Chain(turns, np.diff(points, axis=0), np.array(axes, dtype=np.float64), np.array(limits, dtype=np.float64))
+
+
+@compiled
 def axis_rotation(axis: Array, angle: float, out: Array) -> None:
     """`out` (3, 3) = the rotation by `angle` about the unit vector `axis` (Rodrigues)."""
     c, s = np.cos(angle), np.sin(angle)
@@ -59,7 +70,7 @@ def axis_rotation(axis: Array, angle: float, out: Array) -> None:
     out[2, 0], out[2, 1], out[2, 2] = z * x * k - y * s, z * y * k + x * s, c + z * z * k
 
 
-@nb.njit(cache=True)
+@compiled
 def matmul(a: Array, b: Array, out: Array) -> None:
     """`out` = a b for 3 x 3 matrices; `out` may be neither of them."""
     for i in range(3):
@@ -67,7 +78,7 @@ def matmul(a: Array, b: Array, out: Array) -> None:
             out[i, j] = a[i, 0] * b[0, j] + a[i, 1] * b[1, j] + a[i, 2] * b[2, j]
 
 
-@nb.njit(cache=True)
+@compiled
 def rotation_error(target: Array, actual: Array, out: Array) -> None:
     """`out` (3,) = rotation vector that turns the matrix `actual` into `target`, in the chain's frame."""
     r = np.empty((3, 3))
@@ -87,7 +98,7 @@ def rotation_error(target: Array, actual: Array, out: Array) -> None:
         out[i] *= scale
 
 
-@nb.njit(cache=True)
+@compiled
 def forward(chain: Chain, q: Array, position: Array, rotation: Array, jacobian: Array) -> None:
     """Pose and Jacobian at the joint angles `q` (n,).
 
@@ -120,7 +131,7 @@ def forward(chain: Chain, q: Array, position: Array, rotation: Array, jacobian: 
         jacobian[3:, i] = axes[i]
 
 
-@nb.njit(cache=True)
+@compiled
 def _least_squares(jacobian: Array, free: Mask, twist: Array, damping: float, dq: Array) -> None:
     """`dq` (n,) = J^T (J J^T + damping)^-1 twist over the free columns, 0 elsewhere."""
     a, x = np.empty((6, 6)), np.empty(6)
@@ -152,7 +163,7 @@ def _least_squares(jacobian: Array, free: Mask, twist: Array, damping: float, dq
         dq[k] = s
 
 
-@nb.njit(cache=True)
+@compiled
 def _limited_least_squares(
     jacobian: Array, q: Array, limits: Array, twist: Array, damping: float, free: Mask, dq: Array
 ) -> None:
@@ -170,7 +181,7 @@ def _limited_least_squares(
             return
 
 
-@nb.njit(cache=True)
+@compiled
 def _displace(
     position: Array, rotation: Array, delta: Array, share: float, goal_position: Array, goal_rotation: Array
 ) -> None:
@@ -182,7 +193,7 @@ def _displace(
     goal_position[:] = position + delta[:3] * share
 
 
-@nb.njit(cache=True)
+@compiled
 def follow(chain: Chain, target: Array, measured: Array, delta: Array, dt: float) -> None:
     """Move the joint targets by one control step of the macro actions, in place.
 
@@ -223,7 +234,7 @@ def follow(chain: Chain, target: Array, measured: Array, delta: Array, dt: float
         target[k] = min(max(target[k], measured[k] - LEAD), measured[k] + LEAD)
 
 
-@nb.njit(cache=True)
+@compiled
 def _solve(chain: Chain, goal_position: Array, goal_rotation: Array, q: Array) -> float:
     """Move `q` (n,) in place to the goal pose; the norm of the remaining pose error."""
     n = q.shape[0]
@@ -278,11 +289,3 @@ def pose(chain: Chain, q: Array) -> tuple[Array, Array]:
     position, rotation, jacobian = np.empty(3), np.empty((3, 3)), np.empty((6, len(q)))
     forward(chain, q, position, rotation, jacobian)
     return position, rotation
-
-
-@cache
-def announce() -> None:
-    """Log once per process that what follows may compile, so that a silent first half minute has a reason."""
-    logging.getLogger(__name__).info(
-        "preparing the arm's kinematics: their first use on a machine compiles them, which takes half a minute"
-    )

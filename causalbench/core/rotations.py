@@ -86,3 +86,18 @@ def angle_between(a: Array, b: Array) -> Array:
 def matrix(q: Array) -> Array:
     """Rotation matrix (3, 3) of a unit quaternion (4,)."""
     return np.column_stack([rotate(q, axis) for axis in np.eye(3)])
+
+
+def from_matrix(m: Array) -> Array:
+    """The unit quaternion (4,), w >= 0, of a rotation matrix (3, 3)."""
+    # Shepperd: four times the quaternion's outer product with itself; its longest row is the safest to normalise.
+    (a, b, c), (d, e, f), (g, h, i) = m
+    outer = np.array(
+        [
+            [1 + a + e + i, h - f, c - g, d - b],
+            [h - f, 1 + a - e - i, b + d, c + g],
+            [c - g, b + d, 1 - a + e - i, f + h],
+            [d - b, c + g, f + h, 1 - a - e + i],
+        ]
+    )
+    return canonical(outer[np.diag(outer).argmax()])

@@ -95,3 +95,12 @@ def test_canonical_is_the_same_rotation_whichever_sign_it_is_given():
     assert (q[:, 0] >= 0).all()
     np.testing.assert_array_equal(q, rotations.canonical(-ours(A)))
     np.testing.assert_allclose(rotations.canonical(q), q, atol=1e-15)
+
+
+def test_from_matrix_is_the_inverse_of_matrix():
+    half_turns = [Rotation.from_rotvec(np.pi * axis) for axis in np.eye(3)]
+    for rotation in [*A[:50], *half_turns, Rotation.identity()]:
+        found = rotations.from_matrix(rotation.as_matrix())
+        assert found[0] >= 0
+        same_rotation(found, rotation)
+        np.testing.assert_allclose(rotations.matrix(found), rotation.as_matrix(), atol=1e-12)

@@ -8,15 +8,13 @@ from __future__ import annotations
 import zlib
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
-import llvmlite.binding as llvm
 import mujoco
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
 from causalbench.core import arm_ik
+from causalbench.core.compiled import compiled, external
 from causalbench_gymrob.model import FINGER_RANGE
 
 Array = NDArray[np.float64]
@@ -35,13 +33,13 @@ def _library() -> str:
     return str(found[0])
 
 
-llvm.load_library_permanently(_library())
-_SIGNATURE = nb.types.void(nb.types.intp, nb.types.intp)  # mjModel* and mjData* travel as addresses
-_mj_step: Any = nb.types.ExternalFunction("mj_step", _SIGNATURE)
-_mj_step2: Any = nb.types.ExternalFunction("mj_step2", _SIGNATURE)
+_LIBRARY = _library()
+# mjModel*, mjData* and arrays travel as addresses.
+_mj_step = external(_LIBRARY, "mj_step", "address", "address")
+_mj_step2 = external(_LIBRARY, "mj_step2", "address", "address")
 
 
-@nb.njit(cache=True)
+@compiled
 def _move_fingers(qpos: Array, ctrl: Array, fingers: Indices, servos: Indices, closing: float) -> None:
     """Bring the pads' targets together by `closing` metres, both alike so that the grip stays centred.
 
@@ -60,7 +58,7 @@ def _compile(stamp: int) -> Callable[..., int]:
     So the closure holds a stamp of that file: another version of it is compiled anew.
     """
 
-    @nb.njit(cache=True, nogil=True)
+    @compiled(nogil=True)
     def control_step(
         model: int,
         data: int,

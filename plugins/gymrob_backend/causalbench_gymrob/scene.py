@@ -25,7 +25,6 @@ class GymrobScene(Scene):
 
     def __init__(self, control_hz: float = 10.0, timestep: float = 0.005) -> None:
         self.substeps = stepping.whole_substeps(control_hz, timestep)
-        arm_ik.announce()
         self._world = World(timestep, n_fixtures=1)
         self.spec = SceneSpec(
             backend="gymrob",

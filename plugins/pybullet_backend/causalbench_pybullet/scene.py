@@ -29,7 +29,6 @@ class PybulletScene(Scene):
         self.substeps = stepping.whole_substeps(control_hz, timestep)
         if solver_iterations < 1:
             raise UserError(f"solver_iterations must be at least 1, not {solver_iterations}")
-        arm_ik.announce()
         self._robot = robot.load()
         self.spec = SceneSpec(
             backend="pybullet",

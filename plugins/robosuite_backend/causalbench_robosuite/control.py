@@ -9,15 +9,13 @@ from __future__ import annotations
 import zlib
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
-import llvmlite.binding as llvm
 import mujoco
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
 from causalbench.core import arm_ik
+from causalbench.core.compiled import compiled, external
 from causalbench_robosuite.structs import Base, Law, Reference, Robot, State
 
 Array = NDArray[np.float64]
@@ -35,16 +33,14 @@ def _library() -> str:
     return str(found[0])
 
 
-llvm.load_library_permanently(_library())
-_ADDRESS = nb.types.intp  # mjModel*, mjData* and the Jacobian's rows travel as addresses
-_mj_step1: Any = nb.types.ExternalFunction("mj_step1", nb.types.void(_ADDRESS, _ADDRESS))
-_mj_step2: Any = nb.types.ExternalFunction("mj_step2", nb.types.void(_ADDRESS, _ADDRESS))
-_mj_jac_site: Any = nb.types.ExternalFunction(
-    "mj_jacSite", nb.types.void(_ADDRESS, _ADDRESS, _ADDRESS, _ADDRESS, nb.types.int32)
-)
+_LIBRARY = _library()
+# mjModel*, mjData* and arrays travel as addresses.
+_mj_step1 = external(_LIBRARY, "mj_step1", "address", "address")
+_mj_step2 = external(_LIBRARY, "mj_step2", "address", "address")
+_mj_jac_site = external(_LIBRARY, "mj_jacSite", "address", "address", "address", "address", "int32")
 
 
-@nb.njit(cache=True, error_model="numpy", inline="always")
+@compiled(error_model="numpy", inline="always")
 def _solve(a: Array, n: int, b: Array, k: int, x: Array) -> None:
     """`x` (n, k) = `a`^-1 `b` for a symmetric positive definite `a` (n, n), which its Cholesky factor replaces."""
     for j in range(n):
@@ -66,7 +62,7 @@ def _solve(a: Array, n: int, b: Array, k: int, x: Array) -> None:
             x[i, c] = s / a[i, i]
 
 
-@nb.njit(cache=True)
+@compiled
 def _place(chain: arm_ik.Chain, base: Base, reference: Reference, jacobian: Array) -> None:
     """The reference's pose from its joints; `jacobian` (6, 7) is filled on the way."""
     position, rotation = np.empty(3), np.empty((3, 3))
@@ -75,7 +71,7 @@ def _place(chain: arm_ik.Chain, base: Base, reference: Reference, jacobian: Arra
     reference.position[:] = base.position + base.rotation @ position
 
 
-@nb.njit(cache=True)
+@compiled
 def _bound(error: Array, lead: float, delta: Array) -> None:
     """Change `delta` (3,) so that the reference, ahead by `error` (3,), ends up ahead by `lead` at most, in place."""
     ahead = error + delta
@@ -84,7 +80,7 @@ def _bound(error: Array, lead: float, delta: Array) -> None:
         delta[:] = ahead * (lead / size) - error
 
 
-@nb.njit(cache=True)
+@compiled
 def _advance(
     chain: arm_ik.Chain, base: Base, reference: Reference, state: State, law: Law, delta: Array, dt: float, speed: Array
 ) -> None:
@@ -112,7 +108,7 @@ def _advance(
     reference.position[:], reference.rotation[:], reference.joints[:] = position, rotation, joints
 
 
-@nb.njit(cache=True)
+@compiled
 def _glide(reference: Reference, speed: Array, dt: float, turn: Array, old: Array) -> None:
     """Let the reference move with `speed` (13,) for `dt` seconds; `turn` and `old` (3, 3) are work space."""
     reference.position[:] += speed[:3] * dt
@@ -124,7 +120,7 @@ def _glide(reference: Reference, speed: Array, dt: float, turn: Array, old: Arra
         arm_ik.matmul(turn, old, reference.rotation)
 
 
-@nb.njit(cache=True)
+@compiled
 def _grip(reference: Reference, robot: Robot, state: State, law: Law, closing: float, dt: float) -> None:
     """Bring the fingers together by `closing` m/s; the command leads the target by what damping and friction take.
 
@@ -148,7 +144,7 @@ def _grip(reference: Reference, robot: Robot, state: State, law: Law, closing: f
     state.ctrl[robot.servos[0]], state.ctrl[robot.servos[1]] = command, -command
 
 
-@nb.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _arm(reference: Reference, robot: Robot, state: State, law: Law, speed: Array, work: Array) -> None:
     """The motors' torques: robosuite's operational space control with fixed gains.
 
@@ -214,7 +210,7 @@ def _arm(reference: Reference, robot: Robot, state: State, law: Law, speed: Arra
         state.ctrl[motor] = min(max(torque, robot.ctrl_range[motor, 0]), robot.ctrl_range[motor, 1])
 
 
-@nb.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def track(
     model: int,
     data: int,
@@ -250,7 +246,7 @@ def _compile(stamp: int) -> Callable[..., int]:
     So the closure holds a stamp of that file: another version of it is compiled anew.
     """
 
-    @nb.njit(cache=True, nogil=True)
+    @compiled(nogil=True)
     def control_step(
         model: int,
         data: int,

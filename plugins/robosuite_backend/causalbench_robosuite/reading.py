@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import mujoco
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from causalbench.core.compiled import compiled
 from causalbench_robosuite.model import ARM_JOINTS, GRIPPER, OBJECT, ROBOT
 
 Array = NDArray[np.float64]
@@ -37,7 +37,7 @@ def geom_classes(model: mujoco.MjModel) -> Indices:
     return classes
 
 
-@nb.njit(cache=True)
+@compiled
 def pad_forces(
     geoms: NDArray[np.int32],
     address: NDArray[np.int32],
@@ -62,7 +62,7 @@ def pad_forces(
             out[low - LEFT] += force[address[i]] * abs(share)
 
 
-@nb.njit(cache=True)
+@compiled
 def _contact_flags(geoms: NDArray[np.int32], classes: Indices, out: NDArray[np.bool_]) -> None:
     """`out` (3,) = the base touches a fixture, the arm touches a fixture or the floor, the robot touches itself.
 
@@ -83,7 +83,7 @@ def _contact_flags(geoms: NDArray[np.int32], classes: Indices, out: NDArray[np.b
             out[1] = True
 
 
-@nb.njit(cache=True)
+@compiled
 def _put_canonical(w: float, x: float, y: float, z: float, out: Array) -> None:
     """`out` (4,) = the unit quaternion with the project's sign, as `causalbench.core.rotations.canonical`."""
     scale = 1.0 / np.sqrt(w * w + x * x + y * y + z * z)
@@ -92,7 +92,7 @@ def _put_canonical(w: float, x: float, y: float, z: float, out: Array) -> None:
     out[0], out[1], out[2], out[3] = w * scale, x * scale, y * scale, z * scale
 
 
-@nb.njit(cache=True)
+@compiled
 def read(
     geoms: NDArray[np.int32],
     classes: Indices,

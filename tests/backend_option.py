@@ -1,0 +1,48 @@
+"""Pytest plugin: `pytest --backend NAME` (repeatable) leaves out the tests of all other backends.
+
+A test is of a backend by its parameter `backend`, by its class's attribute `backend`, as in `SceneConformance`, or by
+its place in that backend's folder below plugins/. All other tests run as ever.
+"""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from causalbench.plugins import installed
+
+
+def names() -> tuple[str, ...]:
+    """Names of all installed backends, the reference backend first."""
+    return tuple(sorted(installed().backends, key=lambda name: (name != "kinematic", name)))
+
+
+def chosen(config: pytest.Config) -> tuple[str, ...]:
+    """Names of the backends under test."""
+    wanted = config.getoption("--backend")
+    return tuple(name for name in names() if name in wanted or not wanted)
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    text = "test only this backend (repeatable; default: every installed one)"
+    parser.addoption("--backend", action="append", default=[], metavar="NAME", help=text)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    for name in config.getoption("--backend"):
+        if name not in names():
+            raise pytest.UsageError(f"--backend {name}: not installed; installed are {', '.join(names())}")
+
+
+def _backend_of(item: pytest.Item) -> str | None:
+    parameters = item.callspec.params if hasattr(item, "callspec") else {}
+    folder = re.match(r"plugins/(\w+)_backend/", item.nodeid)
+    return parameters.get("backend") or getattr(item.cls, "backend", None) or (folder and folder[1])
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    others = [item for item in items if _backend_of(item) not in {None, *chosen(config)}]
+    if config.getoption("--backend") and others:
+        config.hook.pytest_deselected(items=others)
+        items[:] = [item for item in items if item not in others]

@@ -1,0 +1,91 @@
+"""`causalbench new-backend`: what it writes is installed as a user would, keeps the contract and is clean."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from causalbench.errors import UserError
+from causalbench.scaffold import write_backend
+
+ROOT = Path(__file__).parents[1]
+OUTCOMES = {"pass": 37, "fail": 0, "not applicable": 2}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory, command: list[str]) -> Path:
+    """The generated package, and in `site` the plugin as pip installs it."""
+    parent = tmp_path_factory.mktemp("author")
+    done = subprocess.run([*command, "new-backend", "my_sim"], cwd=parent, capture_output=True, text=True, check=True)
+    assert done.stdout.startswith(
+        "wrote my_sim_backend; now: pip install -e my_sim_backend && causalbench check my_sim"
+    )
+    folder = parent / "my_sim_backend"
+    options = ["--quiet", "--no-deps", "--no-index", "--no-build-isolation", "--disable-pip-version-check"]
+    pip = [sys.executable, "-m", "pip", "install", *options, "--target", str(folder / "site"), str(folder)]
+    subprocess.run(pip, check=True, capture_output=True, text=True)
+    return folder
+
+
+def call(folder: Path, *arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    path = os.pathsep.join(filter(None, [str(folder / "site"), os.environ.get("PYTHONPATH")]))
+    environment = os.environ | {"PYTHONPATH": path} | environment
+    command = [sys.executable, "-m", *arguments]
+    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
+
+
+def test_it_passes_check_as_generated(folder: Path) -> None:
+    done = call(folder, "causalbench", "check", "my_sim", "--json")
+    checks = json.loads(done.stdout)["checks"]
+    assert done.returncode == 0, [check for check in checks if check["outcome"] == "fail"]
+    assert {name: sum(check["outcome"] == name for check in checks) for name in OUTCOMES} == OUTCOMES
+
+
+def test_its_own_tests_are_the_contract(folder: Path) -> None:
+    done = call(folder, "pytest", "-q", "-p", "no:cacheprovider", "-k", "s01 or s13 or s16 or s36")
+    assert "3 passed, 1 skipped, 35 deselected" in done.stdout, done.stdout
+
+
+def test_it_is_clean(folder: Path) -> None:
+    rules = ",".join(tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["ruff"]["lint"]["select"])
+    options = ["--isolated", "--line-length", "120", "causalbench_my_sim", "tests"]
+    for tool in (
+        ["ruff", "check", "--select", rules, "--ignore", "D107", *options],
+        ["ruff", "format", "--check", *options],
+        ["mypy", "--strict", "--follow-imports", "silent", "--cache-dir", os.devnull, "causalbench_my_sim"],
+    ):
+        done = call(folder, *tool, MYPYPATH=str(ROOT))  # mypy does not see what pip installed editable
+        assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_it_marks_what_to_replace_in_the_order_of_the_contract(folder: Path) -> None:
+    lines = (folder / "causalbench_my_sim" / "scene.py").read_text().splitlines()
+    marks = [line.partition("REPLACE ")[2].partition(" (S") for line in lines if "REPLACE " in line]
+    places = [(int(number), int(rest.split()[0].rstrip("):"))) for number, _, rest in marks if rest]
+    assert [number for number, _ in places] == [1, 2, 3, 4, 5, 6]
+    assert places == sorted(places, key=lambda place: place[1])
+
+
+@pytest.mark.parametrize("name", ["My_sim", "my-sim", "1sim", "my__sim", "_sim", "class", "", "../sim"])
+def test_a_bad_name_is_refused(name: str, tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="expected lower-case letters, digits and single underscores"):
+        write_backend(name, tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_taken_names_and_folders_are_refused(tmp_path: Path) -> None:
+    for name in ("kinematic", "gymrob"):
+        with pytest.raises(UserError, match=f"backend '{name}' is already installed here; choose another name"):
+            write_backend(name, tmp_path)
+    (tmp_path / "my_sim_backend").mkdir()
+    with pytest.raises(UserError, match=r"my_sim_backend already exists; remove it, or choose another --out"):
+        write_backend("my_sim", tmp_path)
+    (tmp_path / "file").write_text("")
+    with pytest.raises(UserError, match=r"cannot be written \(Not a directory\)"):
+        write_backend("my_sim", tmp_path / "file")
