@@ -1,4 +1,4 @@
-"""Samples: kept as plain files, reused only when whole, the same for any number of processes; and what bad input does."""
+"""Samples: kept as plain files, reused only when whole, equal for any number of processes; and bad input."""
 
 import dataclasses
 import json
