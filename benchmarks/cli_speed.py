@@ -1,4 +1,4 @@
-"""What `causalbench --help` and `backends` cost with ten plugins installed: python benchmarks/cli_speed.py (about 30 s).
+"""What `causalbench --help` and `backends` cost with ten plugins: python benchmarks/cli_speed.py (about 30 s).
 
 The plugins are written by `causalbench new-backend` and, as pip would, put on the search path with their metadata, in a
 temporary folder. Each figure is the wall time of a whole process. Needs an otherwise idle core.

@@ -154,6 +154,9 @@ def print_checks(backend: str, results: Iterable[dict[str, Any]]) -> list[dict[s
     counts = {outcome: sum(row["outcome"] == outcome for row in rows) for outcome in colours}
     seconds = sum(row["seconds"] for row in rows)
     _print(", ".join(f"{outcome}: {count}" for outcome, count in counts.items()) + f" ({seconds:.0f} s)")
+    for row in rows:
+        if row["outcome"] == "fail":
+            _print(f"{row['number']} in full, and what is measured: {row['place']}")
     return rows
 
 

@@ -40,6 +40,11 @@ class Check:
         return f"test_{self.function.__name__}"
 
     @property
+    def place(self) -> str:
+        """Where the whole text of the line and what is measured stand: file and line of the check."""
+        return f"{inspect.getsourcefile(self.function)}:{inspect.getsourcelines(self.function)[1]}"
+
+    @property
     def _line(self) -> tuple[str, str, str]:
         return (inspect.getdoc(self.function) or "").partition("\n\n")[0].replace("\n", " ").partition(". ")
 
@@ -103,6 +108,7 @@ class Result:
     outcome: str
     message: str
     seconds: float
+    place: str  # file:line of the check
 
 
 def check_gaps(gaps: Mapping[str, str]) -> None:
@@ -130,7 +136,7 @@ def run_check(check: Check, bench: Bench) -> Result:
             outcome, message = GAP, f"{gap} (now: {message})"
         else:
             outcome, message = FAIL, f"a known gap ({gap}), but the check says: {outcome}. Remove it from known_gaps"
-    return Result(check.number, check.sentence, outcome, message, time.perf_counter() - started)
+    return Result(check.number, check.sentence, outcome, message, time.perf_counter() - started, check.place)
 
 
 def _failure(check: Check, bench: Bench) -> str:

@@ -39,7 +39,7 @@ def _test(check: Check) -> Callable[[SceneConformance, Bench], None]:
     def test(self: SceneConformance, bench: Bench) -> None:
         result = run_check(check, bench)
         if result.outcome == FAIL:
-            pytest.fail(f"{result.number}. {result.sentence}\n{result.message}", pytrace=False)
+            pytest.fail(f"{result.number}. {result.sentence}\n{result.message}\n{result.place}", pytrace=False)
         if result.outcome == GAP:
             pytest.xfail(result.message)
         if result.outcome == NOT_APPLICABLE:

@@ -6,11 +6,11 @@ import os
 import re
 import subprocess
 import sys
-import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from causalbench.core import compiled
 from causalbench.plugins import Plugins
 
 PROBE_SECONDS = 300.0  # a first start may compile for half a minute
@@ -65,27 +65,16 @@ def _threads(jobs: int) -> Finding:
 
 
 def _cache() -> Finding:
-    """Compiled code is kept in NUMBA_CACHE_DIR, else beside the package, else in the user's cache folder."""
-    chosen = os.environ.get("NUMBA_CACHE_DIR")
-    folders = [Path(chosen)] if chosen else [Path(__file__).parents[1], Path.home() / ".cache"]
-    for folder in folders:
-        if _writable(folder):
-            return Finding("compilation cache", True, str(folder))
-    return Finding(
-        "compilation cache",
-        False,
-        f"cannot write to {', '.join(map(str, folders))}: every process compiles for half a minute",
-        "set NUMBA_CACHE_DIR to a folder that you can write to",
-    )
-
-
-def _writable(folder: Path) -> bool:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            return True
-    except OSError:
-        return False
+    """Whether inner loops can be compiled, and whether numba can keep them where the user wants them."""
+    problem, folder, chosen = compiled.problem(), compiled.cache_folder(), os.environ.get("NUMBA_CACHE_DIR", "")
+    if problem:
+        advice = "unset NUMBA_DISABLE_JIT" if "DISABLE_JIT" in problem else "pip install --force-reinstall numba"
+        return Finding("compilation cache", False, f"inner loops run as plain Python, since {problem}", advice)
+    if folder and Path(folder).is_relative_to(Path(chosen).absolute() if chosen else "/"):
+        return Finding("compilation cache", True, folder)
+    text = f"NUMBA_CACHE_DIR, {chosen}, cannot be written" if chosen else "no folder can be written"
+    text += f"; {folder} is used instead" if folder else ": every process compiles for a minute or so"
+    return Finding("compilation cache", False, text, "set NUMBA_CACHE_DIR to a folder that you can write to")
 
 
 def _backend(plugins: Plugins, name: str) -> Iterator[Finding]:

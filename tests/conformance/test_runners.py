@@ -59,6 +59,15 @@ def test_check_prints_a_table_and_a_known_gap_does_not_fail(call: Callable) -> N
     assert "exact_restore" in listed
 
 
+def test_a_failure_points_to_the_text_of_its_line(call: Callable) -> None:
+    done = call("causalbench", "check", "gappy", "--option", "timestep=0.1")
+    place = next(line for line in done.stdout.splitlines() if line.startswith("S4 in full")).rpartition(": ")[2]
+    file, _, number = place.rpartition(":")
+    lines = Path(file).read_text().splitlines()
+    assert lines[int(number) - 1].startswith("def s04_time(")
+    assert '"""S4. ' in lines[int(number)]
+
+
 def test_a_closed_gap_fails_with_exit_code_1(call: Callable) -> None:
     done = call("causalbench", "check", "gappy", "--option", "timestep=0.1", "--json")
     assert done.returncode == 1

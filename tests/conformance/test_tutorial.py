@@ -1,4 +1,4 @@
-"""docs/tutorial_backend.md: `new-backend` with the page's code in it, installed from an empty folder, keeps the contract."""
+"""docs/tutorial_backend.md: `new-backend` with the code of the page in it, installed as it says, keeps the contract."""
 
 from __future__ import annotations
 

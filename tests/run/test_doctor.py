@@ -28,13 +28,38 @@ def test_too_many_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "OMP_NUM_THREADS=1" in finding.advice
 
 
-def test_a_cache_that_cannot_be_written(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+CACHE = "from causalbench.run.doctor import _cache; f = _cache(); print(f.ok, f.text, f.advice, sep='|', end='')"
+
+
+def _cache(**environment: str) -> list[str]:
+    """What a new process finds about its cache: numba reads its settings when it is imported."""
+    command = [sys.executable, "-c", CACHE]
+    return subprocess.run(
+        command, capture_output=True, text=True, check=True, env=os.environ | environment
+    ).stdout.split("|")
+
+
+def test_a_cache_that_cannot_be_written(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("a file where a folder must be")
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "file"))
-    finding = _findings()["compilation cache"]
-    assert not finding.ok
-    assert str(tmp_path / "file") in finding.text
-    assert "NUMBA_CACHE_DIR" in finding.advice
+    chosen = str(tmp_path / "file")
+    ok, text, advice = _cache(NUMBA_CACHE_DIR=chosen)
+    assert ok == "False"
+    assert text.startswith(f"NUMBA_CACHE_DIR, {chosen}, cannot be written; /")
+    assert text.endswith("is used instead")
+    assert advice == "set NUMBA_CACHE_DIR to a folder that you can write to"
+    ok, text, _ = _cache(NUMBA_CACHE_DIR=chosen, NUMBA_CACHE_LOCATOR_CLASSES="UserProvidedCacheLocator")
+    assert (ok, text) == (
+        "False",
+        f"NUMBA_CACHE_DIR, {chosen}, cannot be written: every process compiles for a minute or so",
+    )
+    ok, text, advice = _cache(NUMBA_CACHE_DIR=str(tmp_path / "new"))
+    assert (ok, Path(text).parent, advice) == ("True", tmp_path / "new", "")
+
+
+def test_compilation_that_is_switched_off() -> None:
+    ok, text, advice = _cache(NUMBA_DISABLE_JIT="1")
+    assert (ok, advice) == ("False", "unset NUMBA_DISABLE_JIT")
+    assert text == "inner loops run as plain Python, since NUMBA_DISABLE_JIT is set"
 
 
 def test_every_backend_is_really_tried(backend: str) -> None:
