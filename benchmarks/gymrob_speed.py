@@ -7,13 +7,12 @@ control steps or of turns. Needs an otherwise idle core.
 from __future__ import annotations
 
 import statistics
-import time
 import warnings
-from collections.abc import Callable
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
+from timing import EPISODE, STEPS, env_overhead, random_actions, timed
 
 from causalbench.core.env import StageTaskEnv
 from causalbench.core.tasks.pure_manipulation import TASK
@@ -23,22 +22,8 @@ from causalbench_gymrob.scene import GymrobScene
 Array = NDArray[np.float64]
 
 TIMESTEPS = (0.005, 0.002)  # s
-STEPS = 300  # control steps per comparison
 SEGMENT = 20  # control steps per turn against the stock environment
 TURNS = 12
-
-
-def timed(work: Callable[[], object]) -> float:
-    """Seconds that one call takes."""
-    start = time.perf_counter()
-    work()
-    return time.perf_counter() - start
-
-
-def random_actions(seed: int, count: int) -> Array:
-    """Random walk actions (count, 7): each is held for five steps, so that the arm really travels."""
-    rng = np.random.default_rng(seed)
-    return np.repeat(rng.uniform(-1, 1, (count // 5 + 1, len(TASK.actions))), 5, axis=0)[:count]
 
 
 def against_raw(timestep: float) -> tuple[float, float]:
@@ -52,7 +37,7 @@ def against_raw(timestep: float) -> tuple[float, float]:
     assert isinstance(scene, GymrobScene)
     ours, raw = [], []
     for i, action in enumerate(random_actions(0, STEPS)):
-        if i % 50 == 0:
+        if i % EPISODE == 0:
             env.reset(seed=i)
         before = scene.snapshot()
         scene.step(action)
@@ -67,29 +52,6 @@ def against_raw(timestep: float) -> tuple[float, float]:
                 raw.append(timed(lambda: mujoco.mj_step(scene.model, scene.data, scene.substeps)))
         scene.restore(after)
     return statistics.median(ours), statistics.median(raw)
-
-
-def env_against_scene(timestep: float) -> tuple[float, float]:
-    """Seconds of `StageTaskEnv.step` and of the bare scene's step + facts, from the same states with the same actions.
-
-    The second is a median; the first adds the median of what the environment took longer, pair by pair, since steps
-    differ among themselves by far more than that.
-    """
-    scene = make(timestep=timestep)
-    env = StageTaskEnv(TASK, scene)
-    with_env, bare = [], []
-    for i, action in enumerate(random_actions(1, STEPS)):
-        if i % 50 == 0:
-            env.reset(seed=i)
-        before = scene.snapshot()
-        for rival in ("env", "bare") if i % 2 else ("bare", "env"):
-            scene.restore(before)
-            if rival == "env":
-                with_env.append(timed(lambda a=action: env.step(a)))
-            else:
-                bare.append(timed(lambda a=action: (scene.step(a), scene.facts())))
-    extra = statistics.median(a - b for a, b in zip(with_env, bare, strict=True))
-    return statistics.median(bare) + extra, statistics.median(bare)
 
 
 def stock_env(timestep: float) -> object:
@@ -130,8 +92,7 @@ def main() -> None:
         print(f"physics timestep {timestep} s, control at 10 Hz")
         ours, raw = against_raw(timestep)
         print(f"  step + facts {ours * 1e6:6.0f} us, raw mj_step {raw * 1e6:6.0f} us: {raw / ours:.2f} of raw speed")
-        with_env, bare = env_against_scene(timestep)
-        print(f"  StageTaskEnv {with_env * 1e6:6.0f} us, scene       {bare * 1e6:6.0f} us: {with_env / bare - 1:+.1%}")
+        print(env_overhead(make(timestep=timestep)))
         ours, theirs = against_stock(timestep)
         print(
             f"  simulated seconds per second: ours {ours:.1f}, FetchPickAndPlace-v4 {theirs:.1f}: {ours / theirs:.1f}x"

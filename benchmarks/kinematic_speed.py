@@ -6,23 +6,15 @@ Rivals take turns (A B A B ...); figures are medians of turns. Needs an otherwis
 from __future__ import annotations
 
 import statistics
-import time
-from collections.abc import Callable
 
 import numpy as np
+from timing import timed
 
 from causalbench.core.env import StageTaskEnv, reset_worlds
 from causalbench.core.kinematic import KinematicBatch, KinematicScene
 from causalbench.core.tasks.pure_manipulation import TASK
 
 TURNS, STEPS, WORLDS = 15, 400, 256
-
-
-def timed(work: Callable[[], object]) -> float:
-    """Seconds that one call takes."""
-    start = time.perf_counter()
-    work()
-    return time.perf_counter() - start
 
 
 def single() -> tuple[float, float]:

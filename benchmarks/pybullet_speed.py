@@ -7,12 +7,12 @@ control steps. Needs an otherwise idle core.
 from __future__ import annotations
 
 import statistics
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from timing import EPISODE, STEPS, env_overhead, random_actions, timed
 
 from causalbench.core import rotations
 from causalbench.core.env import StageTaskEnv
@@ -23,22 +23,6 @@ from causalbench_pybullet.scene import PybulletScene
 
 Array = NDArray[np.float64]
 
-STEPS = 300  # control steps per comparison
-EPISODE = 50  # control steps between resets
-
-
-def timed(work: Callable[[], object]) -> float:
-    """Seconds that one call takes."""
-    start = time.perf_counter()
-    work()
-    return time.perf_counter() - start
-
-
-def random_actions(seed: int, count: int) -> Array:
-    """Random walk actions (count, 7): each is held for five steps, so that the arm really travels."""
-    rng = np.random.default_rng(seed)
-    return np.repeat(rng.uniform(-1, 1, (count // 5 + 1, len(TASK.actions))), 5, axis=0)[:count]
-
 
 @dataclass
 class Rival:
@@ -48,7 +32,7 @@ class Rival:
     prepare: Callable[[list[float]], object] = lambda targets: None
 
 
-def compare(seed: int, rivals: Callable[[StageTaskEnv], dict[str, Rival]]) -> dict[str, float]:
+def compare(rivals: Callable[[StageTaskEnv], dict[str, Rival]]) -> dict[str, float]:
     """Median seconds of each rival, all from the same states, in alternating order."""
     scene = make()
     env = StageTaskEnv(TASK, scene)
@@ -56,7 +40,7 @@ def compare(seed: int, rivals: Callable[[StageTaskEnv], dict[str, Rival]]) -> di
     contenders = rivals(env)
     names = list(contenders)
     times: dict[str, list[float]] = {name: [] for name in names}
-    for i, action in enumerate(random_actions(seed, STEPS)):
+    for i, action in enumerate(random_actions(0, STEPS)):
         if i % EPISODE == 0:
             env.reset(seed=i)
         before = scene.snapshot()
@@ -94,12 +78,6 @@ def against_raw(env: StageTaskEnv) -> dict[str, Rival]:
         "raw": Rival(raw, prepare=scene.world.aim),
         "usual": Rival(usual.step),
     }
-
-
-def env_against_scene(env: StageTaskEnv) -> dict[str, Rival]:
-    """`StageTaskEnv.step` and the bare scene's step + facts."""
-    scene = env.scene
-    return {"env": Rival(env.step), "bare": Rival(lambda a: (scene.step(a), scene.facts()))}
 
 
 class UsualWay:
@@ -147,12 +125,11 @@ class UsualWay:
 def main() -> None:
     """Print the comparisons."""
     print("timestep 1/240 s, 20 solver iterations, control at 10 Hz")
-    t = compare(0, against_raw)
+    t = compare(against_raw)
     ours, raw, usual = (t[name] * 1e6 for name in ("ours", "raw", "usual"))
     print(f"  step + facts {ours:6.0f} us, raw stepSimulation {raw:6.0f} us: {raw / ours:.2f} of raw speed")
     print(f"  with calculateInverseKinematics instead {usual:6.0f} us: ours is {usual / ours:.2f}x as fast")
-    t = compare(1, env_against_scene)
-    print(f"  StageTaskEnv {t['env'] * 1e6:6.0f} us, scene {t['bare'] * 1e6:6.0f} us: {t['env'] / t['bare'] - 1:+.1%}")
+    print(env_overhead(make()))
 
 
 if __name__ == "__main__":

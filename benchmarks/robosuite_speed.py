@@ -7,14 +7,13 @@ control steps or of turns. Needs an otherwise idle core.
 from __future__ import annotations
 
 import statistics
-import time
-from collections.abc import Callable
 from typing import Any
 
 import mujoco
 import numpy as np
 from mujoco import rollout
 from numpy.typing import NDArray
+from timing import EPISODE, STEPS, env_overhead, random_actions, timed
 
 from causalbench.core.env import StageTaskEnv
 from causalbench.core.tasks.pure_manipulation import TASK
@@ -23,22 +22,8 @@ from causalbench_robosuite.scene import RobosuiteScene
 
 Array = NDArray[np.float64]
 
-STEPS = 300  # control steps per comparison
 SEGMENT = 20  # control steps per turn against the stock environment
 TURNS = 12
-
-
-def timed(work: Callable[[], object]) -> float:
-    """Seconds that one call takes."""
-    start = time.perf_counter()
-    work()
-    return time.perf_counter() - start
-
-
-def random_actions(seed: int, count: int) -> Array:
-    """Random walk actions (count, 7): each is held for five steps, so that the arm really travels."""
-    rng = np.random.default_rng(seed)
-    return np.repeat(rng.uniform(-1, 1, (count // 5 + 1, len(TASK.actions))), 5, axis=0)[:count]
 
 
 def torques(scene: RobosuiteScene, action: Array) -> Array:
@@ -62,7 +47,7 @@ def against_raw() -> tuple[float, float]:
     ours, raw = [], []
     kind = mujoco.mjtState.mjSTATE_FULLPHYSICS
     for i, action in enumerate(random_actions(0, STEPS)):
-        if i % 50 == 0:
+        if i % EPISODE == 0:
             env.reset(seed=i)
             start = np.empty((1, mujoco.mj_stateSize(scene.model, kind)))
         before = scene.snapshot()
@@ -77,24 +62,6 @@ def against_raw() -> tuple[float, float]:
                 raw.append(timed(lambda s=start, c=commands: rollout.rollout(scene.model, scene.data, s, c)))
         scene.restore(after)
     return statistics.median(ours), statistics.median(raw)
-
-
-def env_against_scene() -> tuple[float, float]:
-    """Median seconds of `StageTaskEnv.step` and of the bare scene's step + facts, same states and actions."""
-    scene = make()
-    env = StageTaskEnv(TASK, scene)
-    with_env, bare = [], []
-    for i, action in enumerate(random_actions(1, STEPS)):
-        if i % 50 == 0:
-            env.reset(seed=i)
-        before = scene.snapshot()
-        for rival in ("env", "bare") if i % 2 else ("bare", "env"):
-            scene.restore(before)
-            if rival == "env":
-                with_env.append(timed(lambda a=action: env.step(a)))
-            else:
-                bare.append(timed(lambda a=action: (scene.step(a), scene.facts())))
-    return statistics.median(with_env), statistics.median(bare)
 
 
 def stock_env() -> Any:
@@ -130,8 +97,7 @@ def main() -> None:
     print("physics timestep 0.002 s, control at 10 Hz (stock: 20 Hz)")
     ours, raw = against_raw()
     print(f"  step + facts {ours * 1e6:6.0f} us, raw mj_step {raw * 1e6:6.0f} us: {raw / ours:.2f} of raw speed")
-    with_env, bare = env_against_scene()
-    print(f"  StageTaskEnv {with_env * 1e6:6.0f} us, scene       {bare * 1e6:6.0f} us: {with_env / bare - 1:+.1%}")
+    print(env_overhead(make()))
     ours, theirs = against_stock()
     print(f"  simulated seconds per second: ours {ours:.2f}, robosuite's Lift {theirs:.2f}: {ours / theirs:.1f}x")
 

@@ -42,7 +42,8 @@ class SceneSpec:
     `actions` are the names the scene supports, in the order of `ACTION_SPEED`; `action_speed` is the
     declared speed of each at |a| = 1 in m/s or rad/s; `max_opening` the distance between open finger pads
     in metres; `control_dt` and `timestep` are seconds. Capabilities: "rgb", "lidar", "exact_restore",
-    "mobile_base", "physics".
+    "mobile_base", "physics". Without "exact_restore", `restore_error` says how far any number in facts may be off in 15
+    steps after a restore.
     """
 
     backend: str
@@ -57,6 +58,7 @@ class SceneSpec:
     control_dt: float
     timestep: float
     capabilities: frozenset[str]
+    restore_error: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +67,8 @@ class Facts:
 
     Shapes are those of one world; all fields may carry the same one leading batch dimension. Arrays are the
     reader's own: never views of simulator memory. A collision flag is true if the contact exists at the end of
-    the control step; the arm includes the gripper; contact with the task object is not a collision. `holding` is
+    the control step; the arm includes the gripper; the floor counts as every other thing that is not the robot;
+    contact with the task object is not a collision. `holding` is
     true when both finger pads press on the task object.
     """
 
@@ -115,7 +118,8 @@ class Scene(ABC):
     def restore(self, snapshot: bytes) -> None:
         """Return to a snapshot made by any scene of an equal spec, also in another process.
 
-        With the capability "exact_restore" every later step is bit-identical to the first time.
+        With the capability "exact_restore" every later step is bit-identical to the first time, else
+        within `spec.restore_error`.
         Raises `SnapshotError`.
         """
 

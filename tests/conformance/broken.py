@@ -331,6 +331,12 @@ class LosesMotion(Altered):
             self.state[HAND.start] += 1e-9
 
 
+class Inexact(LosesMotion):
+    """What it loses it declares; right in every way."""
+
+    changes: ClassVar = {"capabilities": SPEC.capabilities - {"exact_restore"}, "restore_error": 1e-8}
+
+
 class LosesContact(Altered):
     def restore(self, snapshot: bytes) -> None:
         super().restore(snapshot)
@@ -452,5 +458,6 @@ INTACT = {
     "kinematic": (backend(KinematicScene), {"S16", "S21"}),
     "mobile": (backend(Mobile), {"S21"}),
     "falling": (backend(Falling), {"S16"}),
+    "inexact": (backend(Inexact), {"S16", "S21"}),
 }
 """Name -> a backend without a fault, and the numbers that do not apply to it."""

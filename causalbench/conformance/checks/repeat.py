@@ -14,8 +14,6 @@ from causalbench.errors import SnapshotError
 
 Array = NDArray[np.float64]
 
-INEXACT = 1e-3
-"""How far any number in facts may be off after a restore that is not declared exact."""
 SEEDS = ((0, 1), (1, 3), (2, 4))  # (seed, stage)
 
 
@@ -89,7 +87,7 @@ def _replay(scene: Scene) -> Array:
 
 def _check_restored(bench: Bench, situation: str) -> None:
     """A snapshot of the shared scene as it is now; restored here and into a new scene it must replay the same."""
-    scene, exact = bench.scene, "exact_restore" in bench.spec.capabilities
+    scene, allowed = bench.scene, bench.spec.restore_error
     snapshot = scene.snapshot()
     expect(isinstance(snapshot, bytes), f"snapshot() returned {type(snapshot).__name__}, not bytes")
     first = _replay(scene)
@@ -99,18 +97,17 @@ def _check_restored(bench: Bench, situation: str) -> None:
         target.restore(snapshot)
         again = _replay(target)
         off = np.abs(again - first)
-        allowed = 0.0 if exact else INEXACT
-        rule = "'exact_restore' is declared: to the bit" if exact else f"allowed without 'exact_restore': {INEXACT}"
         expect(
             off.max() <= allowed,
-            f"{situation}, restored into {where}, facts go on otherwise {_difference(first, again)} ({rule})",
+            f"{situation}, restored into {where}, facts go on otherwise {_difference(first, again)} "
+            f"(spec.restore_error: {allowed})",
         )
 
 
 def s30_snapshot_free(bench: Bench) -> None:
     """S30. A snapshot in free motion, restored in this or another scene, goes on the same.
 
-    To the bit with the capability "exact_restore", else within 0.001 (m, or of a quaternion) in 15 steps.
+    To the bit with the capability "exact_restore", else within `spec.restore_error` in 15 steps.
     """
     _free(bench.scene)
     _check_restored(bench, "in free motion")
@@ -136,9 +133,8 @@ def s33_snapshot_new_process(bench: Bench) -> None:
         snapshots.append(bench.scene.snapshot())
     here = _all_from_bytes(bench.make_scene, snapshots)
     there = in_new_process(_all_from_bytes, bench.make_scene, snapshots)
-    allowed = 0.0 if "exact_restore" in bench.spec.capabilities else INEXACT
     expect(
-        np.abs(here - there).max() <= allowed,
+        np.abs(here - there).max() <= bench.spec.restore_error,
         f"three snapshots restored in a new process go on otherwise than here {_difference(here, there)}",
     )
 

@@ -64,7 +64,8 @@ def s04_time(bench: Bench) -> None:
 def s05_capabilities(bench: Bench) -> None:
     """S5. Capabilities are known ones, the same that the plugin registers, and truthful.
 
-    The base actions and "mobile_base" go together; `render` and `lidar` raise without "rgb" and "lidar".
+    The base actions and "mobile_base" go together, and so do no "exact_restore" and a `restore_error` above 0;
+    `render` and `lidar` raise without "rgb" and "lidar".
     """
     spec = bench.spec
     unknown = sorted(spec.capabilities - CAPABILITIES)
@@ -78,6 +79,12 @@ def s05_capabilities(bench: Bench) -> None:
     expect(
         mobile == ("mobile_base" in spec.capabilities),
         f"the actions forward and turn and the capability 'mobile_base' go together; actions: {spec.actions}",
+    )
+    exact = "exact_restore" in spec.capabilities
+    expect(
+        spec.restore_error == 0 if exact else 0 < spec.restore_error < np.inf,
+        f"spec.restore_error is {spec.restore_error} {'with' if exact else 'without'} the capability 'exact_restore'; "
+        "it is 0 with it, and how far facts may be off after a restore without it",
     )
     for capability, call in (("rgb", lambda: bench.scene.render(64, 48)), ("lidar", bench.scene.lidar)):
         if capability in spec.capabilities:

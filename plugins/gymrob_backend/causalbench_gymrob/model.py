@@ -12,8 +12,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core import fetch
-from causalbench.core.arm_ik import Chain
+from causalbench.core import arm_ik, fetch, readings
 
 ARM_JOINTS = tuple(f"robot0:{name}_joint" for name in fetch.JOINTS)
 FINGERS = ("robot0:l_gripper_finger_link", "robot0:r_gripper_finger_link")
@@ -164,28 +163,25 @@ def _add_camera(spec: mujoco.MjSpec) -> None:
     spec.worldbody.add_camera(name="scene", pos=eye, xyaxes=[*right, *np.cross(right, forward)], fovy=fetch.CAMERA_FOV)
 
 
-def arm_chain(model: mujoco.MjModel) -> Chain:
-    """The arm from the base link to the end effector, in the base frame, as arrays for `causalbench.core.arm_ik`."""
-    site = model.site(EEF_SITE)
-    base = model.body("robot0:base_link").id
-    rotations, offsets = [_matrix(site.quat)], [site.pos.copy()]
-    axes: list[NDArray[np.float64]] = []
-    limits: list[NDArray[np.float64]] = []
-    body = model.body(int(site.bodyid[0]))
-    while body.id != base:
-        if body.jntnum[0]:
-            joint = model.joint(int(body.jntadr[0]))
-            axes.insert(0, joint.axis.copy())
-            limits.insert(0, joint.range.copy() if model.jnt_limited[joint.id] else np.array([-np.inf, np.inf]))
-            rotations.insert(0, np.eye(3))
-            offsets.insert(0, np.zeros(3))
-        turn = _matrix(body.quat)
-        rotations[0], offsets[0] = turn @ rotations[0], body.pos + turn @ offsets[0]
-        body = model.body(int(body.parentid[0]))
-    return Chain(np.array(rotations), np.array(offsets), np.array(axes), np.array(limits))
+def geom_classes(model: mujoco.MjModel) -> NDArray[np.int64]:
+    """The class of every geom, (ngeom,)."""
+    classes = np.full(model.ngeom, readings.FIXTURE)
+    for i in range(model.ngeom):
+        body = model.body(model.geom_bodyid[i]).name
+        if body in FINGERS:
+            classes[i] = readings.LEFT + FINGERS.index(body)
+        elif body.startswith("robot0:"):
+            classes[i] = readings.ARM if is_arm(body) else readings.BASE
+        elif body == OBJECT:
+            classes[i] = readings.TARGET
+    return classes
 
 
-def _matrix(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
-    out = np.empty(9)
-    mujoco.mju_quat2Mat(out, quaternion)
-    return out.reshape(3, 3)
+def arm_chain(model: mujoco.MjModel) -> arm_ik.Chain:
+    """The arm from the base link to the end effector, in the base frame."""
+    data, joints = mujoco.MjData(model), [model.joint(name).id for name in ARM_JOINTS]
+    data.qpos[model.jnt_qposadr[joints]] = 0.0
+    mujoco.mj_kinematics(model, data)
+    limits = np.where(model.jnt_limited[joints, None], model.jnt_range[joints], [-np.inf, np.inf])
+    hand = data.site(EEF_SITE)
+    return arm_ik.chain_at_zero(data.xanchor[joints], data.xaxis[joints], limits, hand.xpos, hand.xmat.reshape(3, 3))

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from importlib import metadata
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core import arm_ik, stepping
+from causalbench.core import arm_ik, readings, stepping
 from causalbench.core.fetch import ACTIONS, ARM_STARTS, FINGER_STROKE, WORKSPACE
 from causalbench.core.layout import Layout
 from causalbench.core.scene import ACTION_SPEED, Facts, Scene, SceneSpec, check_action
 from causalbench.core.snapshots import SnapshotCodec
 from causalbench.errors import CausalbenchError
-from causalbench_gymrob import __version__, control, reading
+from causalbench_gymrob import __version__, control
 from causalbench_gymrob.world import World
 
 Array = NDArray[np.float64]
@@ -66,8 +67,7 @@ class GymrobScene(Scene):
         ):
             world.qpos[address] = value
             world.ctrl[servo] = value
-        world.qpos[world.free : world.free + 3] = layout.target.position
-        world.qpos[world.free + 3 : world.free + 7] = layout.target.quaternion
+        world.object_pose[:3], world.object_pose[3:] = layout.target.position, layout.target.quaternion
         mujoco.mj_step(world.model, world.data, max(1, round(stepping.SETTLE / self.spec.timestep)))
         world.data.time = 0.0
         self._refresh()
@@ -86,20 +86,22 @@ class GymrobScene(Scene):
     def facts(self) -> Facts:
         """What holds now. `holding` goes by the pad forces of the last substep, all else by the state after it."""
         w = self._world
-        x, flags = np.empty(20), np.empty(4, dtype=np.bool_)
-        reading.read(
-            w.data.contact.geom, w.classes, self._pad_forces, w.hand_position, w.hand_matrix, w.qpos, w.qvel,
-            w.base, w.fingers, w.free, w.gap, x, flags,
-        )  # fmt: skip
+        x, flags = np.empty(14), np.empty(4, dtype=np.bool_)
+        readings.read(
+            w.data.contact.geom, w.classes, self._pad_forces, w.hand_position, w.hand_matrix, w.object_pose, x, flags
+        )
+        left, right = w.fingers
+        base, velocity = w.qpos[w.base], w.qvel[w.base]
+        yaw = float(base[2])
         return Facts(
             eef_position=x[0:3],
             eef_quaternion=x[3:7],
-            gripper_opening=x[7],
+            gripper_opening=w.qpos[left] + w.qpos[right] + w.gap,
             holding=flags[3],
-            object_position=x[8:11],
-            object_quaternion=x[11:15],
-            base_pose=x[15:18],
-            base_velocity=x[18:20],
+            object_position=x[7:10],
+            object_quaternion=x[10:14],
+            base_pose=base,
+            base_velocity=np.array([math.cos(yaw) * velocity[0] + math.sin(yaw) * velocity[1], velocity[2]]),
             collision_base=flags[0],
             collision_arm=flags[1],
             collision_self=flags[2],
@@ -160,5 +162,8 @@ class GymrobScene(Scene):
         """Keep the forces of the substep just solved, then bring poses and contacts up to the new positions."""
         world, data = self._world, self._world.data
         contact = data.contact
-        reading.pad_forces(contact.geom, contact.efc_address, data.efc_force, world.classes, self._pad_forces)
+        readings.pad_forces(
+            contact.geom, contact.efc_address, contact.frame, data.efc_force, world.hand_matrix, world.classes,
+            self._pad_forces,
+        )  # fmt: skip
         mujoco.mj_step1(world.model, data)

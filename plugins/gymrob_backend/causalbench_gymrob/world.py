@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from causalbench.core.layout import Box
 from causalbench_gymrob import model as fetch
-from causalbench_gymrob.reading import geom_classes
 
 Array = NDArray[np.float64]
 
@@ -19,13 +18,12 @@ class World:
     def __init__(self, timestep: float, n_fixtures: int) -> None:
         self.model = model = fetch.build(timestep, n_fixtures)
         self.data = data = mujoco.MjData(model)
-        self.classes = geom_classes(model)
+        self.classes = fetch.geom_classes(model)
         self.model_address, self.data_address = model._address, data._address
         self.chain = fetch.arm_chain(model)
         self.arm = self._addresses(fetch.ARM_JOINTS)
         self.fingers = self._addresses(fetch.FINGER_JOINTS)
         self.base = self._addresses(fetch.BASE_JOINTS)
-        self.free = int(model.joint("object0:joint").qposadr[0])
         self.arm_servos = self._servos(fetch.ARM_JOINTS)
         self.finger_servos = self._servos(fetch.FINGER_JOINTS)
         self.base_servos = self._servos(fetch.BASE_JOINTS)
@@ -35,6 +33,8 @@ class World:
         self.qpos, self.qvel, self.ctrl = data.qpos, data.qvel, data.ctrl
         # The arm's joints and servos are contiguous: views, not copies.
         self.arm_joints = data.qpos[self.arm[0] : self.arm[-1] + 1]
+        free = int(model.joint("object0:joint").qposadr[0])
+        self.object_pose = data.qpos[free : free + 7]
         self.arm_target = data.ctrl[self.arm_servos[0] : self.arm_servos[-1] + 1]
         hand = model.site(fetch.EEF_SITE).id
         self.hand_position, self.hand_matrix = data.site_xpos[hand], data.site_xmat[hand]

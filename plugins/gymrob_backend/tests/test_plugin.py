@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 import causalbench_gymrob
-from causalbench.errors import BrokenVersionError, UserError
+from causalbench.errors import BrokenVersionError
 from causalbench.hookspecs import Backend
 from causalbench_gymrob import make, versions
 
@@ -25,8 +25,3 @@ def test_another_gymnasium_robotics_is_named_with_its_repair(monkeypatch: pytest
     monkeypatch.setattr(versions.metadata, "version", lambda name: "3.3.7" if name == "mujoco" else "1.5.0")
     with pytest.raises(BrokenVersionError, match=r'1\.5\.0.*pip install "gymnasium-robotics==1\.4\.2"'):
         make()
-
-
-def test_a_control_step_must_be_whole() -> None:
-    with pytest.raises(UserError, match="whole number"):
-        make(control_hz=10.0, timestep=0.003)

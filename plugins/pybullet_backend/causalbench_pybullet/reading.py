@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from causalbench.core.readings import HOLDING_FORCE
 from causalbench_pybullet.engine import pb
 from causalbench_pybullet.robot import Robot
 from causalbench_pybullet.world import World
 
 Array = NDArray[np.float64]
 
-HOLDING_FORCE = 5.0  # N of each pad on the object: two and a half times the weight of the task's box
 _BODY_B, _LINK_A, _DISTANCE, _FORCE = 2, 3, 8, 9  # places in Bullet's contact points
 
 

@@ -12,11 +12,6 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 
-KNOWN_GAPS = {
-    "S20": "fingers that nothing holds back creep up to 1.6 mm to their target in 2 s: the hand's dry friction "
-    "is regularised; the force on a held box stays"
-}
-
 
 def make(control_hz: float = 10.0, timestep: float = 0.002) -> Scene:
     """A new scene that takes `control_hz` actions per second and integrates in steps of `timestep` seconds.
@@ -35,4 +30,4 @@ def make(control_hz: float = 10.0, timestep: float = 0.002) -> Scene:
 def causalbench_backends(register: Callable[[Backend], None]) -> None:
     """Register the backend "robosuite"."""
     modules, capabilities = ("mujoco", "robosuite"), frozenset({"exact_restore", "physics", "rgb"})
-    register(Backend("robosuite", make, "MuJoCo", "Panda", modules, capabilities, KNOWN_GAPS))
+    register(Backend("robosuite", make, "MuJoCo", "Panda", modules, capabilities))

@@ -16,11 +16,10 @@ from numpy.typing import NDArray
 
 from causalbench.core import arm_ik
 from causalbench.core.compiled import compiled, external
-from causalbench_robosuite.structs import Base, Law, Reference, Robot, State
+from causalbench_robosuite.structs import N_JOINTS, Base, Law, Reference, Robot, State, Work
 
 Array = NDArray[np.float64]
 
-N_JOINTS = 7
 NULL_KP, NULL_KD = 10.0, 2 * np.sqrt(10.0)  # robosuite's pull of the null space towards the posture, 1/s2 and 1/s
 
 
@@ -40,26 +39,32 @@ _mj_step2 = external(_LIBRARY, "mj_step2", "address", "address")
 _mj_jac_site = external(_LIBRARY, "mj_jacSite", "address", "address", "address", "address", "int32")
 
 
-@compiled(error_model="numpy", inline="always")
-def _solve(a: Array, n: int, b: Array, k: int, x: Array) -> None:
-    """`x` (n, k) = `a`^-1 `b` for a symmetric positive definite `a` (n, n), which its Cholesky factor replaces."""
+@compiled(error_model="numpy")
+def _factor(a: Array, n: int) -> None:
+    """The lower triangle of the symmetric positive definite `a` (n, n) becomes its Cholesky factor.
+
+    The diagonal becomes that of the factor's inverse.
+    """
     for j in range(n):
         for i in range(j, n):
             s = a[i, j]
             for p in range(j):
                 s -= a[i, p] * a[j, p]
-            a[i, j] = np.sqrt(max(s, 1e-14)) if i == j else s / a[j, j]
-    for c in range(k):
-        for i in range(n):
-            s = b[i, c]
-            for p in range(i):
-                s -= a[i, p] * x[p, c]
-            x[i, c] = s / a[i, i]
-        for i in range(n - 1, -1, -1):
-            s = x[i, c]
-            for p in range(i + 1, n):
-                s -= a[p, i] * x[p, c]
-            x[i, c] = s / a[i, i]
+            a[i, j] = 1.0 / np.sqrt(max(s, 1e-14)) if i == j else s * a[j, j]
+
+
+@compiled
+def _solve(factor: Array, n: int, x: Array) -> None:
+    """Replace `x` (n,) by a^-1 `x`, where `factor` is what `_factor` makes of a."""
+    for i in range(n):
+        for p in range(i):
+            x[i] -= factor[i, p] * x[p]
+        x[i] *= factor[i, i]
+    for k in range(n):
+        i = n - 1 - k
+        for p in range(i + 1, n):
+            x[i] -= factor[p, i] * x[p]
+        x[i] *= factor[i, i]
 
 
 @compiled
@@ -68,16 +73,27 @@ def _place(chain: arm_ik.Chain, base: Base, reference: Reference, jacobian: Arra
     position, rotation = np.empty(3), np.empty((3, 3))
     arm_ik.forward(chain, reference.joints, position, rotation, jacobian)
     arm_ik.matmul(base.rotation, rotation, reference.rotation)
-    reference.position[:] = base.position + base.rotation @ position
+    for r in range(3):
+        reference.position[r] = base.position[r]
+        for c in range(3):
+            reference.position[r] += base.rotation[r, c] * position[c]
 
 
 @compiled
-def _bound(error: Array, lead: float, delta: Array) -> None:
-    """Change `delta` (3,) so that the reference, ahead by `error` (3,), ends up ahead by `lead` at most, in place."""
-    ahead = error + delta
-    size = np.sqrt((ahead * ahead).sum())
+def _bound(frame: Array, error: Array, lead: float, delta: Array) -> None:
+    """Change `delta` (3,), in place, so that a reference that is ahead by `error` (3,) ends up ahead by `lead` at most.
+
+    `error` is in the world, `delta` in the axes of `frame` (3, 3).
+    """
+    size = 0.0
+    own = np.empty(3)
+    for r in range(3):
+        own[r] = frame[0, r] * error[0] + frame[1, r] * error[1] + frame[2, r] * error[2]
+        size += (own[r] + delta[r]) ** 2
+    size = np.sqrt(size)
     if size > lead:
-        delta[:] = ahead * (lead / size) - error
+        for r in range(3):
+            delta[r] = (own[r] + delta[r]) * (lead / size) - own[r]
 
 
 @compiled
@@ -89,34 +105,51 @@ def _advance(
     `delta` (6,): metres along the base axes and radians about the hand's own axes; `speed`: m/s and rad/s along the
     world's axes, then rad/s of the joints. The reference never runs further ahead of the hand than its lead.
     """
-    jacobian, error, hand = np.empty((6, 7)), np.empty(3), state.matrix.reshape(3, 3)
+    jacobian, error, bounded, hand = np.empty((6, 7)), np.empty(3), np.empty(6), state.matrix.reshape(3, 3)
     _place(chain, base, reference, jacobian)
     speed[:] = 0.0
-    if not delta.any():
+    moving = False
+    for i in range(6):
+        bounded[i] = delta[i]
+        moving = moving or delta[i] != 0.0
+    if not moving:
         return
-    delta = delta.copy()
-    _bound(base.rotation.T @ (reference.position - state.position), law.lead, delta[:3])
+    for i in range(3):
+        error[i] = reference.position[i] - state.position[i]
+    _bound(base.rotation, error, law.lead, bounded[:3])
     arm_ik.rotation_error(reference.rotation, hand, error)
-    _bound(reference.rotation.T @ error, law.turn_lead, delta[3:])
-    position, rotation = reference.position.copy(), reference.rotation.copy()
-    joints = reference.joints.copy()
-    arm_ik.follow(chain, reference.joints, joints, delta, dt)
+    _bound(reference.rotation, error, law.turn_lead, bounded[3:])
+    position, rotation, joints = reference.position.copy(), reference.rotation.copy(), reference.joints.copy()
+    arm_ik.follow(chain, reference.joints, joints, bounded, dt)
     _place(chain, base, reference, jacobian)
     arm_ik.rotation_error(reference.rotation, rotation, error)
-    speed[:3], speed[3:6], speed[6:] = reference.position - position, error, reference.joints - joints
-    speed /= dt
+    for i in range(3):
+        speed[i], speed[3 + i] = (reference.position[i] - position[i]) / dt, error[i] / dt
+    for i in range(N_JOINTS):
+        speed[6 + i] = (reference.joints[i] - joints[i]) / dt
     reference.position[:], reference.rotation[:], reference.joints[:] = position, rotation, joints
 
 
 @compiled
-def _glide(reference: Reference, speed: Array, dt: float, turn: Array, old: Array) -> None:
-    """Let the reference move with `speed` (13,) for `dt` seconds; `turn` and `old` (3, 3) are work space."""
-    reference.position[:] += speed[:3] * dt
-    reference.joints[:] += speed[6:] * dt
+def _turn(speed: Array, dt: float, out: Array) -> bool:
+    """`out` (3, 3) = how `speed` (13,) turns the reference in `dt` seconds; whether it does."""
     rate = np.sqrt(speed[3] * speed[3] + speed[4] * speed[4] + speed[5] * speed[5])
     if rate > 0.0:
-        arm_ik.axis_rotation(speed[3:6] / rate, rate * dt, turn)
-        old[:] = reference.rotation
+        arm_ik.axis_rotation(speed[3:6] / rate, rate * dt, out)
+    return rate > 0.0
+
+
+@compiled
+def _glide(reference: Reference, speed: Array, dt: float, turning: bool, turn: Array, old: Array) -> None:
+    """Let the reference move with `speed` (13,) for `dt` seconds; `turn` is that of `_turn`, `old` (3, 3) scratch."""
+    for i in range(3):
+        reference.position[i] += speed[i] * dt
+    for i in range(N_JOINTS):
+        reference.joints[i] += speed[6 + i] * dt
+    if turning:
+        for r in range(3):
+            for c in range(3):
+                old[r, c] = reference.rotation[r, c]
         arm_ik.matmul(turn, old, reference.rotation)
 
 
@@ -125,87 +158,112 @@ def _grip(reference: Reference, robot: Robot, state: State, law: Law, closing: f
     """Bring the fingers together by `closing` m/s; the command leads the target by what damping and friction take.
 
     Both fingers have one target, so that the grip stays centred; neither target nor command ever leads the fingers by
-    more than `law.grip_lead`: the grip is firm and winds nothing up. When `closing` becomes 0, free fingers stop at
-    their target, and those that something holds back keep the command and thus their force.
+    more than `law.grip_lead`: the grip is firm and winds nothing up. When `closing` becomes 0, free fingers stop where
+    they are, and those that something holds back keep the command and thus their force.
     """
-    (first, second), (low, high), command = robot.fingers, robot.finger_range, state.ctrl[robot.servos[0]]
+    command = state.ctrl[robot.servos[0]]
+    finger = (state.qpos[robot.fingers[0]] - state.qpos[robot.fingers[1]]) / 2
     if closing != 0.0:
-        finger, speed = (state.qpos[first] - state.qpos[second]) / 2, -closing / 2
-        low, high = max(low, finger - law.grip_lead), min(high, finger + law.grip_lead)
+        speed = -closing / 2
+        low, high = (
+            max(robot.finger_range[0], finger - law.grip_lead),
+            min(robot.finger_range[1], finger + law.grip_lead),
+        )
         reference.finger[0] = min(max(reference.finger[0] + speed * dt, low), high)
         ahead = (robot.finger_damping * speed + robot.finger_friction * np.sign(speed)) / robot.finger_kp
         command = min(max(reference.finger[0] + ahead, low), high)
-    elif command != reference.finger[0]:
-        force = abs(command - reference.finger[0]) * robot.finger_kp - robot.finger_friction
-        speed = abs(state.qvel[robot.finger_dofs[0]] - state.qvel[robot.finger_dofs[1]]) / 2
-        if speed < 0.5 * force / robot.finger_damping:  # half of what free fingers would do
-            reference.finger[0] = command
-        command = reference.finger[0]
+    else:
+        if command != reference.finger[0]:
+            force = abs(command - reference.finger[0]) * robot.finger_kp - robot.finger_friction
+            speed = abs(state.qvel[robot.finger_dofs[0]] - state.qvel[robot.finger_dofs[1]]) / 2
+            held_back = speed < 0.5 * force / robot.finger_damping  # half of what free fingers would do
+            command = reference.finger[0] = command if held_back else finger
+        if abs(command - finger) * robot.finger_kp < robot.finger_friction:
+            # Dry friction would stand this; MuJoCo's, which is regularised, creeps.
+            command = reference.finger[0] = finger
     state.ctrl[robot.servos[0]], state.ctrl[robot.servos[1]] = command, -command
 
 
-@compiled(error_model="numpy")
-def _arm(reference: Reference, robot: Robot, state: State, law: Law, speed: Array, work: Array) -> None:
-    """The motors' torques: robosuite's operational space control with fixed gains.
-
-    Torque = J^T F + bias + null space; F = Lambda (kp error - kd (velocity - the reference's velocity)), and likewise
-    in the null space. That velocity, `speed` (13,), is ours; for a reference at rest the law is robosuite's.
-    """
-    n, nv = N_JOINTS, len(state.qvel)
-    m, factor, jt, mjt, small, inverse = work[0], work[1], work[2], work[3], work[4], work[5]
-    force, wrench, pull, p = work[6, 0], work[6, 1], work[6, 2], work[6, 3]
-    for a in range(n):  # the arm's block of the sparse joint inertia
-        address, j = robot.inertia_address[robot.dofs[a]], robot.dofs[a]
+@compiled
+def _load(robot: Robot, state: State, work: Work) -> None:
+    """Copy the arm's part of MuJoCo's sparse joint inertia and of the Jacobian to `work`."""
+    for a in range(N_JOINTS):
+        dof = robot.dofs[a]
+        address, j = robot.inertia_address[dof], dof
         while j >= 0:
             for b in range(a + 1):
                 if robot.dofs[b] == j:
-                    m[a, b] = m[b, a] = state.inertia[address]
+                    work.inertia[a, b] = work.inertia[b, a] = state.inertia[address]
             address += 1
             j = robot.parent[j]
         for r in range(3):
-            jt[a, r] = state.jacobian[0, r, robot.dofs[a]]
-            jt[a, 3 + r] = state.jacobian[1, r, robot.dofs[a]]
+            work.jacobian[a, r] = state.jacobian[0, r, dof]
+            work.jacobian[a, 3 + r] = state.jacobian[1, r, dof]
+
+
+@compiled
+def _arm(reference: Reference, robot: Robot, state: State, law: Law, speed: Array, work: Work) -> None:
+    """The motors' torques: robosuite's operational space control with fixed gains.
+
+    Torque = J^T F + bias + null space; F = Lambda (kp error - kd (velocity - the reference's velocity)), and likewise
+    in the null space. That velocity, `speed` (13,), is ours; for a reference at rest the law is robosuite's. With the
+    Cholesky factor C of the inertia, Lambda^-1 = J M^-1 J^T is Y^T Y, where Y = C^-1 J^T.
+    """
+    m, c, jt, y, mobility = work.inertia, work.factor, work.jacobian, work.half, work.mobility
+    force, wrench, p = work.force, work.wrench, work.pull
+    _load(robot, state, work)
     hand, goal = state.matrix, reference.rotation
     for r in range(3):
-        error, linear, angular = 0.0, -speed[r], -speed[3 + r]
         i, k = (r + 1) % 3, (r + 2) % 3
-        for c in range(3):  # half the sum of the cross products of the axes
-            error += 0.5 * (hand[3 * i + c] * goal[k, c] - hand[3 * k + c] * goal[i, c])
-        for v in range(nv):
-            linear += state.jacobian[0, r, v] * state.qvel[v]
-            angular += state.jacobian[1, r, v] * state.qvel[v]
+        error, linear, angular = 0.0, -speed[r], -speed[3 + r]
+        for a in range(3):  # half the sum of the cross products of the axes
+            error += 0.5 * (hand[3 * i + a] * goal[k, a] - hand[3 * k + a] * goal[i, a])
+        for a in range(N_JOINTS):
+            linear += jt[a, r] * state.qvel[robot.dofs[a]]
+            angular += jt[a, 3 + r] * state.qvel[robot.dofs[a]]
         force[r] = law.kp[r] * (reference.position[r] - state.position[r]) - law.kd[r] * linear
         force[3 + r] = law.kp[3 + r] * error - law.kd[3 + r] * angular
-    factor[:n, :n] = m[:n, :n]
-    _solve(factor, n, jt, 6, mjt)
+    for a in range(N_JOINTS):
+        for b in range(a + 1):
+            c[a, b] = m[a, b]
+    _factor(c, N_JOINTS)
+    for a in range(N_JOINTS):
+        for r in range(6):
+            y[a, r] = jt[a, r]
+        for b in range(a):
+            for r in range(6):
+                y[a, r] -= c[a, b] * y[b, r]
+        for r in range(6):
+            y[a, r] *= c[a, a]
     for r in range(6):
-        for c in range(6):
-            s = 0.0
-            for a in range(n):
-                s += jt[a, r] * mjt[a, c]
-            inverse[r, c] = s  # of Lambda
+        for s in range(r + 1):
+            total = 0.0
+            for a in range(N_JOINTS):
+                total += y[a, r] * y[a, s]
+            mobility[r, s] = mobility[s, r] = total
+    for r in range(6):
+        wrench[r] = 0.0
     if law.uncoupled:  # each half has its own Lambda
+        small = work.small
         for half in (0, 3):
-            small[:3, :3] = inverse[half : half + 3, half : half + 3]
-            _solve(small, 3, force[half : half + 3].reshape(3, 1), 1, wrench[half : half + 3].reshape(3, 1))
-    else:
-        small[:6, :6] = inverse[:6, :6]
-        _solve(small, 6, force[:6].reshape(6, 1), 1, wrench[:6].reshape(6, 1))
-    for a in range(n):
+            small[:] = mobility[half : half + 3, half : half + 3]
+            wrench[half : half + 3] = force[half : half + 3]
+            _factor(small, 3)
+            _solve(small, 3, wrench[half : half + 3])
+            force[half : half + 3] = 0.0
+    for a in range(N_JOINTS):
         q, v = state.qpos[robot.joints[a]], state.qvel[robot.dofs[a]]
         p[a] = NULL_KP * (reference.joints[a] - q) - NULL_KD * (v - speed[6 + a])
-    for r in range(6):
-        force[r] = 0.0
-        for a in range(n):
-            force[r] += jt[a, r] * p[a]
-    small[:6, :6] = inverse[:6, :6]
-    _solve(small, 6, force[:6].reshape(6, 1), 1, pull[:6].reshape(6, 1))
-    for a in range(n):
+        for r in range(6):
+            force[r] -= jt[a, r] * p[a]  # what the pull of the null space would do to the hand
+    _factor(mobility, 6)
+    _solve(mobility, 6, force)
+    for a in range(N_JOINTS):
         torque = state.bias[robot.dofs[a]]
-        for b in range(n):
+        for b in range(N_JOINTS):
             torque += m[a, b] * p[b]
         for r in range(6):
-            torque += jt[a, r] * (wrench[r] - pull[r])
+            torque += jt[a, r] * (wrench[r] + force[r])
         motor = robot.motors[a]
         state.ctrl[motor] = min(max(torque, robot.ctrl_range[motor, 0]), robot.ctrl_range[motor, 1])
 
@@ -227,13 +285,18 @@ def track(
 
     `model` and `data` are addresses; `closing` is in m/s. Enters after `mj_step1`; leaves as `mj_step` does.
     """
-    work = np.empty((7, 8, 8))
+    n = N_JOINTS
+    work = Work(
+        np.empty((n, n)), np.empty((n, n)), np.empty((n, 6)), np.empty((n, 6)), np.empty((6, 6)), np.empty(6),
+        np.empty(6), np.empty(n), np.empty((3, 3)), np.empty((3, 3)),
+    )  # fmt: skip
     linear = state.jacobian.ctypes.data
     angular = linear + state.jacobian[0].nbytes
+    turning = _turn(speed, dt, work.turn)
     for substep in range(substeps):
         if substep:
             _mj_step1(model, data)
-        _glide(reference, speed, dt, work[0, :3, :3], work[1, :3, :3])
+        _glide(reference, speed, dt, turning, work.turn, work.small)
         _mj_jac_site(model, data, linear, angular, robot.site)
         _arm(reference, robot, state, law, speed, work)
         _grip(reference, robot, state, law, closing, dt)

@@ -15,9 +15,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core.arm_ik import Chain
+from causalbench.core import arm_ik, readings
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
 ROBOT, GRIPPER = "robot0_", "gripper0_right_"  # robosuite's prefixes
 ROOT = "robot0_base"
@@ -155,30 +156,34 @@ def _add_camera(spec: mujoco.MjSpec) -> None:
     spec.worldbody.add_camera(name="scene", pos=eye, xyaxes=[*right, *np.cross(right, forward)], fovy=45.0)
 
 
-def arm_chain(model: mujoco.MjModel) -> Chain:
-    """The arm from the floor under the mount to the end effector, as arrays for `causalbench.core.arm_ik`.
+def geom_classes(model: mujoco.MjModel) -> Indices:
+    """The class of every geom, (ngeom,)."""
+    moving = int(model.joint(ARM_JOINTS[0]).bodyid[0])
+    classes = np.full(model.ngeom, readings.FIXTURE)
+    for i in range(model.ngeom):
+        body = model.body(model.geom_bodyid[i])
+        if body.name == OBJECT:
+            classes[i] = readings.TARGET
+        elif "finger" in body.name:
+            classes[i] = (
+                readings.LEFT
+                if body.name in (f"{GRIPPER}leftfinger", f"{GRIPPER}finger_joint1_tip")
+                else readings.RIGHT
+            )
+        elif body.rootid[0] == model.body(moving).rootid[0]:
+            arm = body.name.startswith((ROBOT, GRIPPER)) and body.weldid[0] != 0
+            classes[i] = readings.ARM if arm else readings.BASE
+    return classes
+
+
+def arm_chain(model: mujoco.MjModel) -> arm_ik.Chain:
+    """The arm from the floor under the mount to the end effector.
 
     The model must be as built: with the robot's root above the origin.
     """
-    site = model.site(EEF_SITE)
-    rotations, offsets = [_matrix(site.quat)], [site.pos.copy()]
-    axes: list[Array] = []
-    limits: list[Array] = []
-    body = model.body(int(site.bodyid[0]))
-    while body.id:
-        if body.jntnum[0]:
-            joint = model.joint(int(body.jntadr[0]))
-            axes.insert(0, joint.axis.copy())
-            limits.insert(0, joint.range + np.array([LIMIT_MARGIN, -LIMIT_MARGIN]))
-            rotations.insert(0, np.eye(3))
-            offsets.insert(0, np.zeros(3))
-        turn = _matrix(body.quat)
-        rotations[0], offsets[0] = turn @ rotations[0], body.pos + turn @ offsets[0]
-        body = model.body(int(body.parentid[0]))
-    return Chain(np.array(rotations), np.array(offsets), np.array(axes), np.array(limits))
-
-
-def _matrix(quaternion: Array) -> Array:
-    out = np.empty(9)
-    mujoco.mju_quat2Mat(out, quaternion)
-    return out.reshape(3, 3)
+    data, joints = mujoco.MjData(model), [model.joint(name).id for name in ARM_JOINTS]
+    data.qpos[model.jnt_qposadr[joints]] = 0.0
+    mujoco.mj_kinematics(model, data)
+    limits = model.jnt_range[joints] + np.array([LIMIT_MARGIN, -LIMIT_MARGIN])
+    hand = data.site(EEF_SITE)
+    return arm_ik.chain_at_zero(data.xanchor[joints], data.xaxis[joints], limits, hand.xpos, hand.xmat.reshape(3, 3))

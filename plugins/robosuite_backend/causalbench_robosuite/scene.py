@@ -8,12 +8,12 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core import arm_ik, stepping
+from causalbench.core import arm_ik, readings, stepping
 from causalbench.core.layout import Layout, Workspace
 from causalbench.core.scene import ACTION_SPEED, Facts, Scene, SceneSpec, check_action
 from causalbench.core.snapshots import SnapshotCodec
 from causalbench.errors import CausalbenchError
-from causalbench_robosuite import __version__, control, reading, structs
+from causalbench_robosuite import __version__, control, structs
 from causalbench_robosuite.model import FINGER_STROKE, gains
 from causalbench_robosuite.world import World
 
@@ -84,8 +84,7 @@ class RobosuiteScene(Scene):
         qpos = world.views.qpos
         qpos[world.robot.joints] = joints
         qpos[world.robot.fingers] = finger, -finger
-        qpos[world.free : world.free + 3] = layout.target.position
-        qpos[world.free + 3 : world.free + 7] = layout.target.quaternion
+        world.object_pose[:3], world.object_pose[3:] = layout.target.position, layout.target.quaternion
         world.views.ctrl[world.robot.servos] = finger, -finger
         world.reference.joints[:], world.reference.finger[:] = joints, finger
         mujoco.mj_step1(world.model, world.data)
@@ -100,18 +99,18 @@ class RobosuiteScene(Scene):
     def facts(self) -> Facts:
         """What holds now. `holding` goes by the pad forces of the last substep, all else by the state after it."""
         w = self._world
-        x, flags = np.empty(15), np.empty(4, dtype=np.bool_)
-        reading.read(
-            w.data.contact.geom, w.classes, self._pad_forces, w.views.position, w.views.matrix, w.views.qpos,
-            w.robot.fingers, w.free, w.gap, x, flags,
-        )  # fmt: skip
+        x, flags = np.empty(14), np.empty(4, dtype=np.bool_)
+        readings.read(
+            w.data.contact.geom, w.classes, self._pad_forces, w.views.position, w.views.matrix, w.object_pose, x, flags
+        )
+        first, second = w.robot.fingers
         return Facts(
             eef_position=x[0:3],
             eef_quaternion=x[3:7],
-            gripper_opening=x[7],
+            gripper_opening=np.maximum(w.views.qpos[first] - w.views.qpos[second] + w.gap, 0.0),
             holding=flags[3],
-            object_position=x[8:11],
-            object_quaternion=x[11:15],
+            object_position=x[7:10],
+            object_quaternion=x[10:14],
             base_pose=self._base_pose.copy(),
             base_velocity=np.zeros(2),
             collision_base=flags[0],
@@ -180,7 +179,7 @@ class RobosuiteScene(Scene):
             w.chain, w.base, w.robot, self._law, w.reference, w.views,
         )  # fmt: skip
         contact = w.data.contact
-        reading.pad_forces(
+        readings.pad_forces(
             contact.geom, contact.efc_address, contact.frame, w.data.efc_force, w.views.matrix, w.classes,
             self._pad_forces,
         )  # fmt: skip

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
+N_JOINTS = 7
+
 
 class Robot(NamedTuple):
     """Where the robot is in MuJoCo's arrays, and its constants."""
@@ -68,3 +70,18 @@ class Base(NamedTuple):
 
     position: Array  # (3,) m
     rotation: Array  # (3, 3)
+
+
+class Work(NamedTuple):
+    """Work space of the control step; made anew in every call of `control.track`."""
+
+    inertia: Array  # (7, 7) of the arm's joints
+    factor: Array  # (7, 7) its Cholesky factor
+    jacobian: Array  # (7, 6) transposed
+    half: Array  # (7, 6) the factor's inverse times the former
+    mobility: Array  # (6, 6)
+    force: Array  # (6,)
+    wrench: Array  # (6,)
+    pull: Array  # (7,)
+    small: Array  # (3, 3)
+    turn: Array  # (3, 3)

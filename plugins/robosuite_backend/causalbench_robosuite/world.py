@@ -10,7 +10,6 @@ from causalbench.core import rotations
 from causalbench.core.layout import Box
 from causalbench_robosuite import model as panda
 from causalbench_robosuite import structs
-from causalbench_robosuite.reading import geom_classes
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -22,11 +21,12 @@ class World:
     def __init__(self, timestep: float, n_fixtures: int) -> None:
         self.model = model = panda.build(timestep, n_fixtures)
         self.data = data = mujoco.MjData(model)
-        self.classes = geom_classes(model)
+        self.classes = panda.geom_classes(model)
         self.chain = panda.arm_chain(model)
         self.robot = robot_addresses(model)
         self.views = views(model, data)
-        self.free = int(model.joint(panda.OBJECT).qposadr[0])
+        free = int(model.joint(panda.OBJECT).qposadr[0])
+        self.object_pose = data.qpos[free : free + 7]
         self.fixtures = [self._box(f"fixture{i}") for i in range(n_fixtures)]
         self.target = self._box(panda.OBJECT)
         self.gap = self._closed_gap()

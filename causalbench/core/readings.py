@@ -1,40 +1,25 @@
-"""What is read out of MuJoCo after a control step: contact flags, pad forces and poses, in one compiled pass each."""
+"""What is read out of a simulator after a control step, in one compiled pass each: contact flags, pad forces, poses.
+
+Simulator-free: plain arrays, with contacts in the form in which MuJoCo lists them.
+"""
 
 from __future__ import annotations
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from causalbench.core.compiled import compiled
-from causalbench_robosuite.model import ARM_JOINTS, GRIPPER, OBJECT, ROBOT
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 FIXTURE, BASE, ARM, LEFT, RIGHT, TARGET = range(6)
-"""Classes of geoms. LEFT and RIGHT are the fingers; ARM is the arm and the palm, BASE what stands still of the robot.
+"""Classes of geoms. LEFT and RIGHT are the fingers; ARM is the arm and the palm, BASE what else the robot is made of.
 
-The floor is a fixture: the base is welded to the world and never touches it.
+The floor is a fixture.
 """
 
 HOLDING_FORCE = 5.0  # N of each pad on the object: two and a half times the weight of the task's box
-
-
-def geom_classes(model: mujoco.MjModel) -> Indices:
-    """The class of every geom, (ngeom,)."""
-    moving = int(model.joint(ARM_JOINTS[0]).bodyid[0])
-    classes = np.full(model.ngeom, FIXTURE)
-    for i in range(model.ngeom):
-        body = model.body(model.geom_bodyid[i])
-        if body.name == OBJECT:
-            classes[i] = TARGET
-        elif "finger" in body.name:
-            classes[i] = LEFT if body.name in (f"{GRIPPER}leftfinger", f"{GRIPPER}finger_joint1_tip") else RIGHT
-        elif body.rootid[0] == model.body(moving).rootid[0]:
-            arm = body.name.startswith((ROBOT, GRIPPER)) and body.weldid[0] != 0
-            classes[i] = ARM if arm else BASE
-    return classes
 
 
 @compiled
@@ -49,8 +34,8 @@ def pad_forces(
 ) -> None:
     """`out` (2,) = force in N along the closing axis between the object and the left and the right finger.
 
-    `geoms` (ncon, 2), `address` (ncon,), `frames` (ncon, 9) and `force` (nefc,) are MuJoCo's after a solved substep,
-    `hand` (9,) the end effector's matrix. With the elliptic cone the first row of a contact is its normal force.
+    `geoms` (ncon, 2), `address` (ncon,), `frames` (ncon, 9) and `force` (nefc,) are those of a solved substep,
+    `hand` (9,) the end effector's matrix. The first row of a contact is its normal force.
     Only the normal's part along the closing axis counts: fingertips that stand on the object do not hold it.
     """
     out[:] = 0.0
@@ -64,9 +49,9 @@ def pad_forces(
 
 @compiled
 def _contact_flags(geoms: NDArray[np.int32], classes: Indices, out: NDArray[np.bool_]) -> None:
-    """`out` (3,) = the base touches a fixture, the arm touches a fixture or the floor, the robot touches itself.
+    """`out` (3,) = the base touches a fixture, the arm touches a fixture, the robot touches itself.
 
-    `geoms` (ncon, 2) are MuJoCo's contacts, which all touch: no margin. The object does not count, nor do closed
+    `geoms` (ncon, 2) are all contacts, and all touch: no margin. The object does not count, nor do closed
     fingers that touch each other.
     """
     out[:] = False
@@ -99,19 +84,15 @@ def read(
     forces: Array,
     position: Array,
     matrix: Array,
-    qpos: Array,
-    fingers: Indices,
-    free: int,
-    gap: float,
+    target: Array,
     out: Array,
     flags: NDArray[np.bool_],
 ) -> None:
-    """All facts that change: `out` (15,) = hand pose 3 + 4, opening, object pose 3 + 4; `flags` (4,).
+    """Poses and flags: `out` (14,) = hand pose 3 + 4 and object pose 3 + 4; `flags` (4,).
 
     The flags are those of `_contact_flags` and, last, whether both pads press on the object with more than
-    `HOLDING_FORCE`. `position` (3,) and `matrix` (9,) of the hand; `fingers` (2,) and `free` are the addresses of the
-    fingers and of the object in `qpos`; `forces` (2,) are those of `pad_forces`; `gap` is the distance in metres
-    between the pads at finger positions 0.
+    `HOLDING_FORCE`. `position` (3,) and `matrix` (9,) of the hand; `target` (7,) is the object's pose, of about
+    unit length; `forces` (2,) are those of `pad_forces`.
     """
     _contact_flags(geoms, classes, flags[:3])
     flags[3] = min(forces[0], forces[1]) > HOLDING_FORCE
@@ -127,6 +108,5 @@ def read(
         _put_canonical(m[2] - m[6], m[1] + m[3], 1 + 2 * m[4] - trace, m[5] + m[7], out[3:7])
     else:
         _put_canonical(m[3] - m[1], m[2] + m[6], m[5] + m[7], 1 + 2 * m[8] - trace, out[3:7])
-    out[7] = max(qpos[fingers[0]] - qpos[fingers[1]] + gap, 0.0)
-    out[8:11] = qpos[free : free + 3]
-    _put_canonical(qpos[free + 3], qpos[free + 4], qpos[free + 5], qpos[free + 6], out[11:15])
+    out[7:10] = target[:3]
+    _put_canonical(target[3], target[4], target[5], target[6], out[10:14])
