@@ -141,6 +141,7 @@ def discover(
     jobs: Annotated[int | None, typer.Option(min=1, help="Processes that collect (default: one per core).")] = None,
 ) -> None:
     """Discover the causal graph of a task, print it beside its KL values, and write graph.json, kl.csv and data/."""
+    from causalbench.report.figures import write_discovery_figures
     from causalbench.run.alone import discover_alone, infer_alone
     from causalbench.show import print_graph, print_oracle
 
@@ -148,10 +149,13 @@ def discover(
         if oracle:
             raise UserError("--oracle asks the simulator: run it without --data")
         folder = out or data.parent / f"{discoverer}-{preset}"
-        print_graph(infer_alone(data, discoverer, preset, folder), folder)
+        graph = infer_alone(data, discoverer, preset, folder)
+        write_discovery_figures(folder)
+        print_graph(graph, folder)
         return
     folder = out or Path("runs") / f"discover-{task}-{backend}-{discoverer}-{preset}-s{seed}"
     graph, truth = discover_alone(task, backend, discoverer, preset, seed, oracle, folder, jobs or _cores())
+    write_discovery_figures(folder)
     print_graph(graph, folder)
     if truth is not None:
         print_oracle(graph, truth)
@@ -262,13 +266,19 @@ def _plan(
 
 def _execute(plan: Plan, folder: RunFolder, file: SuiteFile, execution: Execution, quiet: bool) -> None:
     from causalbench.plugins import installed
+    from causalbench.report.figures import write_run_figures
     from causalbench.report.tables import write_tables
     from causalbench.run.live import choose_view
     from causalbench.run.session import run_plan
     from causalbench.show import progress_console
 
     view = choose_view(quiet, progress_console())
-    run_plan(plan, folder, file, installed(), execution, view, lambda: write_tables(folder))
+
+    def report() -> None:
+        write_tables(folder)
+        write_run_figures(folder)
+
+    run_plan(plan, folder, file, installed(), execution, view, report)
 
 
 def _print_run(plan: Plan, folder: RunFolder, as_json: bool) -> None:

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.progress import Progress
 
-from causalbench.core.discovery.graph import CausalGraph
+from causalbench.core.discovery.graph import CausalGraph, manual_graph
 from causalbench.core.discovery.settings import PRESETS, DiscoverySettings
 from causalbench.errors import RunFolderError, UnknownNameError
 from causalbench.plugins import installed
 from causalbench.run.cell import use_one_thread, write_graph
+from causalbench.run.judged import judge_graph
 from causalbench.store.cells import DATA
-from causalbench.store.files import write_text
 from causalbench.store.samples import SampleFolder
 
 if TYPE_CHECKING:
@@ -47,16 +47,13 @@ def discover_alone(
             chosen_task, make_scene, settings, seed, report,
             discoverers=plugins.discoverers, cores=cores, store=SampleFolder(folder / DATA),
         )  # fmt: skip
-    write_graph(folder, graph)
+    human = manual_graph(chosen_task)
+    write_graph(folder, graph, human)
     if not oracle:
         return graph, None
-    from causalbench.core.discovery.oracle import consult_oracle
-    from causalbench.core.discovery.tables import oracle_table, score_table
-
     with _progress("oracle") as report:
-        truth = consult_oracle(chosen_task, make_scene, ORACLE_STATES, seed, report)
-    for name, table in (("oracle.csv", oracle_table(graph, truth)), ("score.csv", score_table(graph, truth))):
-        write_text(folder / name, table.to_csv(index=False, lineterminator="\n"))
+        graph, truth = judge_graph(graph, chosen_task, make_scene, ORACLE_STATES, seed, folder, report)
+    write_graph(folder, graph, human)
     return graph, truth
 
 
@@ -79,7 +76,7 @@ def infer_alone(data: Path, discoverer: str, preset: str, folder: Path) -> Causa
         graph = discover_from_samples(
             task, store, origin, settings, about["seed"], report, discoverers=plugins.discoverers
         )
-    write_graph(folder, graph)
+    write_graph(folder, graph, manual_graph(task))
     return graph
 
 

@@ -53,7 +53,8 @@ class StageGraph:
 class CausalGraph:
     """One `StageGraph` per stage. `provenance` holds settings, seed, data hash and versions.
 
-    `env_steps` counts every environment step that discovery took; 0 for a declared graph.
+    `env_steps` counts every environment step that discovery took; 0 for a declared graph. `oracle` is empty, or how the
+    graph stands against the truth (`score.with_score`): ground truth, so its env steps are no cost of discovery.
     """
 
     task: str
@@ -62,6 +63,7 @@ class CausalGraph:
     stages: tuple[StageGraph, ...]
     env_steps: int = 0
     provenance: Mapping[str, Any] = field(default_factory=dict)
+    oracle: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def hash(self) -> str:
@@ -119,6 +121,12 @@ class CausalGraph:
                     f"causal graph {self.hash}, stage {graph.stage}: no action causes any reward, so no policy can be "
                     f"built; discover again with more samples"
                 )
+
+
+def used_kl(graph: CausalGraph, stage: int) -> NDArray[np.float64]:
+    """(n_actions, n_terms) KL of one stage in the direction that Algorithm 2 saw."""
+    name = {"forward": "kl", "reverse": "kl_reverse", "symmetric": "kl_symmetric"}
+    return np.asarray(getattr(graph.stages[stage - 1], name[graph.provenance["settings"]["direction"]]))
 
 
 def manual_graph(task: Task) -> CausalGraph:

@@ -25,6 +25,7 @@ class DiscoverySettings:
     epsilon_normalize: float = 0.1
     epsilon_direct: float = 0.01
     n_placebos: int = 3  # action dimensions that no scene sees, probed like actions; 0 is the literal reading
+    oracle_states: int = 0  # visited states per stage by which an oracle grades and scores the graph; 0: no oracle
     placebo_gate: float = 3.0  # an action counts only if its KL exceeds this times the largest placebo's
 
 
