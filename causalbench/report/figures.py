@@ -56,6 +56,8 @@ def write_figures(folder: Path, graph: CausalGraph, human: CausalGraph) -> None:
         with _style():
             for name, draw in drawings.items():
                 figure = draw()
+                figure.draw_without_rendering()
+                figure.set_layout_engine("none")  # laid out once, for both files
                 figure.savefig(path / f"{name}.svg", metadata={"Date": None, "Title": f"{name} {graph.hash}"})
                 figure.savefig(path / f"{name}.png", metadata={"Software": None})
 

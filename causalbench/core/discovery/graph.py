@@ -24,7 +24,8 @@ class StageGraph:
     """The matrix of one stage and the numbers behind it; rows are actions, columns are reward terms.
 
     `kl` is KL(P1||P2), `kl_reverse` KL(P2||P1), P1 = p(r | s, do(a_k = 0)) and P2 = p(r | s, random a_k);
-    `kl_symmetric` their mean; all in nats, `placebo_kl` is the largest placebo's in the direction used.
+    `kl_symmetric` their mean; all in nats, `null_kl` holds the placebos' in the direction used and
+    `q_value` what they say of each edge (`calibration.q_values`).
     `cv` and `kl_normalised` are those of Algorithm 2. They are the discoverer `kl`'s; `evidence` holds the tables by
     which another one decided, named as its documentation says. A term whose reward never varied is untestable: its
     column is taken from the task's declared graph. `notes` says in sentences what did not go as planned.
@@ -34,12 +35,13 @@ class StageGraph:
     actions: tuple[str, ...]
     terms: tuple[str, ...]
     matrix: NDArray[np.bool_]  # (n_actions, n_terms)
-    kl: NDArray[np.float64] | None = None  # (n_actions, n_terms), like the three that follow
+    kl: NDArray[np.float64] | None = None  # (n_actions, n_terms), like the four that follow
     kl_reverse: NDArray[np.float64] | None = None
     kl_symmetric: NDArray[np.float64] | None = None
     kl_normalised: NDArray[np.float64] | None = None
-    cv: NDArray[np.float64] | None = None  # (n_terms,), like the two that follow
-    placebo_kl: NDArray[np.float64] | None = None
+    q_value: NDArray[np.float64] | None = None
+    null_kl: NDArray[np.float64] | None = None  # (n_nulls, n_terms)
+    cv: NDArray[np.float64] | None = None  # (n_terms,), like the one that follows
     testable: NDArray[np.bool_] | None = None
     evidence: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)  # each (n_actions, n_terms)
     notes: tuple[str, ...] = ()
