@@ -30,23 +30,31 @@ def placebo_copies(extra: Samples, n_actions: int, copies: int, rng: np.random.G
     return result
 
 
-def q_values(kl: Sequence[Floats], null_kl: Sequence[Floats]) -> list[Floats]:
-    """The least false-discovery rate at which each edge would be selected (Benjamini and Hochberg 1995).
+def p_values(kl: Sequence[Floats], null_kl: Sequence[Floats]) -> list[Floats]:
+    """The share of all nulls, the edge itself included, that are as large as the edge.
 
     One array (n_actions, n_terms) and one (n_nulls, n_terms) per stage. KLs are compared as multiples of the median
-    null of their term; an edge's p-value is the share of all nulls, itself included, that are as large.
+    null of their term.
     """
     middles = [np.median(null, axis=0).clip(np.finfo(float).tiny) for null in null_kl]
     nulls = np.sort(np.concatenate([(null / middle).ravel() for null, middle in zip(null_kl, middles, strict=True)]))
-    edges = [values / middle for values, middle in zip(kl, middles, strict=True)]
-    flat = np.concatenate([values.ravel() for values in edges])
-    p = (1 + nulls.size - np.searchsorted(nulls, flat, side="left")) / (1 + nulls.size)
+    as_large = [nulls.size - np.searchsorted(nulls, edge / middle) for edge, middle in zip(kl, middles, strict=True)]
+    return [(1 + count) / (1 + nulls.size) for count in as_large]
+
+
+def q_values(kl: Sequence[Floats], null_kl: Sequence[Floats]) -> list[Floats]:
+    """The least false-discovery rate at which each edge would be selected (Benjamini and Hochberg 1995).
+
+    Arguments and result as in `p_values`; all stages are one family.
+    """
+    p_of_stage = p_values(kl, null_kl)
+    p = np.concatenate([values.ravel() for values in p_of_stage])
     order = np.argsort(p)
-    stepped = p[order] * flat.size / np.arange(1, flat.size + 1)
+    stepped = p[order] * p.size / np.arange(1, p.size + 1)
     q = np.empty_like(p)
     q[order] = np.minimum.accumulate(stepped[::-1])[::-1].clip(max=1.0)
-    sizes = np.cumsum([values.size for values in edges])[:-1]
-    return [part.reshape(values.shape) for part, values in zip(np.split(q, sizes), edges, strict=True)]
+    sizes = np.cumsum([values.size for values in p_of_stage])[:-1]
+    return [part.reshape(values.shape) for part, values in zip(np.split(q, sizes), p_of_stage, strict=True)]
 
 
 def calibrate(graph: CausalGraph) -> CausalGraph:
