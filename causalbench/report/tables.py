@@ -26,7 +26,7 @@ CURVES = (*KEYS, "env_steps", "success_deterministic", "success_sampled", "rever
 RETURNS = ("cell", "env_steps", "term", "mean_return")
 DISCOVERY = (
     "task", "backend", "seed", "stage", "reward", "action", "kl", "kl_reverse", "kl_symmetric", "cv", "kl_n",
-    "selected", "effect", "effect_low", "effect_high", "grade",
+    "q_value", "selected", "effect", "effect_low", "effect_high", "grade",
 )  # fmt: skip
 STAGES = (*KEYS, "quantity", "from_stage", "to_stage", "count")
 TIMING = ("cell", "state", "seconds", "env_steps", "env_steps_per_second")
@@ -152,7 +152,7 @@ def _edge_rows(graph: StageGraph) -> Iterator[Row]:
         for row, action in enumerate(graph.actions):
             numbers = {
                 "kl": graph.kl, "kl_reverse": graph.kl_reverse, "kl_symmetric": graph.kl_symmetric,
-                "kl_n": graph.kl_normalised,
+                "kl_n": graph.kl_normalised, "q_value": graph.q_value,
             }  # fmt: skip
             yield {
                 "stage": graph.stage,

@@ -6,13 +6,13 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 from rich.console import Console
 from rich.progress import Progress
 
 from causalbench.core.discovery.graph import CausalGraph, manual_graph
-from causalbench.core.discovery.settings import PRESETS, DiscoverySettings
+from causalbench.core.discovery.settings import PRESETS, SELECTIONS, DiscoverySettings, Selection
 from causalbench.errors import RunFolderError, UnknownNameError
 from causalbench.plugins import installed
 from causalbench.run.cell import use_one_thread, write_graph
@@ -29,14 +29,14 @@ ORACLE_STATES = 400
 
 
 def discover_alone(
-    task: str, backend: str, discoverer: str, preset: str, seed: int, oracle: bool, folder: Path, cores: int
+    task: str, backend: str, settings: DiscoverySettings, seed: int, oracle: bool, folder: Path, cores: int
 ) -> tuple[CausalGraph, tuple[StageTruth, ...] | None]:
     """Discover in this process with progress on stderr, write `graph.json`, the numbers behind it and the samples.
 
     Samples that an interrupted call left in `folder` are used. With `oracle` also find the graded truth, and write
     `oracle.csv` and `score.csv`.
     """
-    plugins, settings = installed(), _settings(discoverer, preset)
+    plugins = installed()
     chosen_task, make_scene = plugins.task(task), plugins.backend(backend).make
     _make(folder)
     from causalbench.core.discovery.pipeline import discover
@@ -57,10 +57,9 @@ def discover_alone(
     return graph, truth
 
 
-def infer_alone(data: Path, discoverer: str, preset: str, folder: Path) -> CausalGraph:
+def infer_alone(data: Path, settings: DiscoverySettings, folder: Path) -> CausalGraph:
     """Discover from the samples in the folder `data`, with their task, seed and sizes; imports no simulator."""
-    plugins, settings = installed(), _settings(discoverer, preset)
-    store = SampleFolder(data)
+    plugins, store = installed(), SampleFolder(data)
     origin, about = store.origin()
     settings = replace(
         settings,
@@ -80,10 +79,14 @@ def infer_alone(data: Path, discoverer: str, preset: str, folder: Path) -> Causa
     return graph
 
 
-def _settings(discoverer: str, preset: str) -> DiscoverySettings:
+def choose_settings(discoverer: str, preset: str, select: str, fdr: float) -> DiscoverySettings:
+    """Those of a preset with the choices of the command line. Raises `UserError`."""
     if preset not in PRESETS:
         raise UnknownNameError("preset", preset, PRESETS)
-    return replace(PRESETS[preset], discoverer=installed().discoverer(discoverer).name)
+    if select not in SELECTIONS:
+        raise UnknownNameError("selection", select, SELECTIONS)
+    name = installed().discoverer(discoverer).name
+    return replace(PRESETS[preset], discoverer=name, select=cast(Selection, select), fdr=fdr)
 
 
 def _make(folder: Path) -> None:

@@ -42,7 +42,7 @@ def test_the_files_need_numpy_and_pandas_alone(collected):
         assert len(file["states"]) == len(file["rewards"]) == len(file["sequence"]) == len(actions) == 64
         about = json.loads(str(file["about"]))
     assert (actions.armz == 0).all()
-    assert list(actions.columns) == [*TASK.actions, "placebo0", "placebo1", "placebo2"]
+    assert list(actions.columns) == [*TASK.actions, *(f"placebo{p}" for p in range(TINY.n_placebos))]
     assert (about["request"]["seed"], about["units"]["actions"]) == (3, "share of full speed, -1 to 1; 0: not executed")
 
 
