@@ -169,3 +169,13 @@ def test_fewer_samples_than_asked_for_are_noted():
 
     (stage,) = _graph(toy_task(rewards, 2)).stages
     assert stage.notes == ("160 of 200 samples in 'random': 240 of 400 steps were not finite",)
+
+
+def test_the_calibrated_cut_needs_no_simulator(collected):
+    graph, folder = collected
+    store = SampleFolder(folder)
+    fdr = dataclasses.replace(TINY, select="fdr", fdr=0.3)
+    found = discover_from_samples(TASK, store, store.origin()[0], fdr, 3, _quiet)
+    for stage, same_fit in zip(found.stages, graph.stages, strict=True):
+        np.testing.assert_array_equal(stage.kl, same_fit.kl)
+        np.testing.assert_array_equal(stage.matrix[:, stage.testable], (stage.q_value <= 0.3)[:, stage.testable])
