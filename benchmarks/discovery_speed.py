@@ -60,6 +60,11 @@ def gather() -> StageSamples:
     return StageSamples(one(0, COUNT, None), one(1, COUNT // 5, None), interventions)
 
 
+def pairs_of(data: StageSamples) -> list[tuple[Samples, Samples]]:
+    """(D_random, D_do[a_k]) of every action."""
+    return [(data.random, do) for do in data.interventions]
+
+
 def loop_rate(data: StageSamples, k: int) -> float:
     """Pair samples a second of one epoch of one pair, the straightforward way."""
     both = (data.random, data.interventions[k])
@@ -81,9 +86,7 @@ def loop_rate(data: StageSamples, k: int) -> float:
 def batched_rate(data: StageSamples, epochs: int) -> float:
     """Pair samples a second of `epochs` epochs of all pairs together, early stopping off."""
     started = time.perf_counter()
-    train_reward_models(
-        data.random, data.interventions, replace(OURS, patience=0, max_epochs=epochs), 0, lambda share: None
-    )
+    train_reward_models(pairs_of(data), replace(OURS, patience=0, max_epochs=epochs), 0, lambda share: None)
     pairs = len(data.interventions) * data.random.rewards.shape[1]
     return pairs * 2 * COUNT * epochs / (time.perf_counter() - started)
 
@@ -108,7 +111,7 @@ def main() -> None:
         print(f"loop {loop:8.0f}, batched {batched:8.0f} pair samples/s: {ratios[-1]:.1f}x")
     print(f"At equal samples seen: {np.median(ratios):.1f}x (goal 12x)")
 
-    epochs = train_reward_models(data.random, data.interventions, OURS, STAGE, lambda share: None).epochs
+    epochs = train_reward_models(pairs_of(data), OURS, STAGE, lambda share: None).epochs
     early, early_seconds = wrong_cells(data, OURS)
     full, full_seconds = wrong_cells(data, replace(OURS, patience=0, max_epochs=LITERAL.max_epochs))
     fewer, quicker = LITERAL.max_epochs / epochs, full_seconds / early_seconds

@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import false_discovery_control
 from toy import make_toy, toy_task
 
-from causalbench.core.discovery.calibration import calibrate, placebo_copies, q_values
+from causalbench.core.discovery.calibration import calibrate, placebo_copy, q_values
 from causalbench.core.discovery.collect import Samples
 from causalbench.core.discovery.pipeline import discover
 from causalbench.core.discovery.settings import DiscoverySettings
@@ -59,11 +59,11 @@ def test_the_false_discovery_rate_is_kept_where_nulls_are_exchangeable():
     assert np.mean(shares) <= 0.06  # the median that a term's nulls are divided by is estimated from them
 
 
-def test_placebo_copies_change_placebos_alone():
+def test_a_placebo_copy_changes_placebos_alone():
     rng = np.random.default_rng(0)
     actions = rng.uniform(-1, 1, (1000, 5)).astype(np.float32)
     extra = Samples(actions[:, :2], actions, actions[:, :1], np.zeros(1000, np.int32), 1000)
-    one, two = placebo_copies(extra, 3, 2, rng)
+    one, two = (placebo_copy(extra, 3, rng) for _ in range(2))
     for copy in (one, two):
         np.testing.assert_array_equal(copy.actions[:, :3], extra.actions[:, :3])
         assert np.abs((copy.actions[:, 3:] == 0).mean(0) - 0.5).max() < 0.06

@@ -1,8 +1,9 @@
 """Null edges: how large a KL is where there is no cause, and the cut that keeps a stated false-discovery rate.
 
 A placebo is an action dimension that no scene sees. Its column of the data is ours to draw, so that one extra random
-set serves any number of placebos: in each of `placebo_sets` copies every placebo is drawn anew and is 0 in a random
-half of the rows. A model fitted on such a copy is probed once per placebo.
+set serves any number of placebos: in each of `placebo_sets` copies of it and of D_random every placebo is drawn anew
+and is 0 in a random half of the rows, as a real action is in D_random and D_do together. A model fitted on such a copy
+is probed once per placebo.
 """
 
 from __future__ import annotations
@@ -19,15 +20,12 @@ from causalbench.core.discovery.graph import CausalGraph, StageGraph, used_kl
 Floats = NDArray[np.float64]
 
 
-def placebo_copies(extra: Samples, n_actions: int, copies: int, rng: np.random.Generator) -> list[Samples]:
-    """`copies` of a random set, in each of which every placebo is 0 in a random half of the rows."""
-    result = []
-    for _ in range(copies):
-        actions = extra.actions.copy()
-        drawn = rng.uniform(-1.0, 1.0, actions[:, n_actions:].shape)
-        actions[:, n_actions:] = drawn * (rng.random(drawn.shape) < 0.5)
-        result.append(replace(extra, actions=actions))
-    return result
+def placebo_copy(samples: Samples, n_actions: int, rng: np.random.Generator) -> Samples:
+    """The samples with every placebo drawn anew, and 0 in a random half of the rows."""
+    actions = samples.actions.copy()
+    drawn = rng.uniform(-1.0, 1.0, actions[:, n_actions:].shape)
+    actions[:, n_actions:] = drawn * (rng.random(drawn.shape) < 0.5)
+    return replace(samples, actions=actions)
 
 
 def p_values(kl: Sequence[Floats], null_kl: Sequence[Floats]) -> list[Floats]:

@@ -24,18 +24,19 @@ def discover_stage(problem: StageProblem) -> StageGraph:
     """Fit the reward models of every (action, term) pair, compare them on D_inference and select."""
     import torch  # here, so that a list of discoverers costs no import of torch
 
-    from causalbench.core.discovery.calibration import placebo_copies
+    from causalbench.core.discovery.calibration import placebo_copy
     from causalbench.core.discovery.divergence import Divergence, divergence
     from causalbench.core.discovery.reward_model import train_reward_models
 
     data, settings, n_actions = problem.samples(), problem.settings, len(problem.task.actions)
-    interventions = list(data.interventions[:n_actions])
+    training = [(data.random, do) for do in data.interventions[:n_actions]]
     if settings.n_placebos:
         rng = np.random.default_rng([problem.seed, problem.stage, PLACEBO_STREAM])
-        interventions += placebo_copies(data.interventions[-1], n_actions, settings.placebo_sets, rng)
+        for _ in range(settings.placebo_sets):
+            random, extra = (placebo_copy(s, n_actions, rng) for s in (data.random, data.interventions[-1]))
+            training.append((random, extra))
     models = train_reward_models(
-        data.random,
-        interventions,
+        training,
         settings,
         problem.seed + problem.stage,
         lambda share: problem.report(share, "fitting reward models"),
@@ -53,7 +54,7 @@ def discover_stage(problem: StageProblem) -> StageGraph:
     null_kl = None
     if settings.n_placebos:
         placebos = range(n_actions, n_actions + settings.n_placebos)
-        nulls = probe_all([(model, p) for model in range(n_actions, len(interventions)) for p in placebos])
+        nulls = probe_all([(model, p) for model in range(n_actions, len(training)) for p in placebos])
         null_kl = np.asarray(getattr(nulls, settings.direction)).clip(min=0.0)
     return _select(problem.task, problem.stage, kl, null_kl, data.random.term_scale()[1], settings)
 
