@@ -94,3 +94,5 @@ def test_both_selections_come_from_one_fit():
 def test_no_placebos_no_calibrated_cut():
     with pytest.raises(UserError, match="n_placebos"):
         DiscoverySettings(select="fdr", n_placebos=0)
+    with pytest.raises(UserError, match="discoverer 'kl'"):
+        DiscoverySettings(select="fdr", discoverer="another")

@@ -37,6 +37,8 @@ class DiscoverySettings:
     placebo_gate: float = 3.0  # an action counts only if its KL exceeds this times the largest placebo's
 
     def __post_init__(self) -> None:
+        if self.select == "fdr" and self.discoverer != "kl":
+            raise UserError(f"discovery: `select: fdr` is for the discoverer 'kl', not {self.discoverer!r}")
         if self.select == "fdr" and not self.n_placebos:
             raise UserError("discovery: `select: fdr` learns its cut from placebos; set n_placebos to at least 1")
 
