@@ -70,7 +70,7 @@ def test_a_placebo_copy_changes_placebos_alone():
     assert (one.actions[:, 3:] != two.actions[:, 3:]).mean() > 0.7
 
 
-SMALL = DiscoverySettings(training_count=1000, max_epochs=12)
+SMALL = DiscoverySettings(training_count=1500, max_epochs=12)
 
 
 def _planted(previous, action, now):
