@@ -132,6 +132,8 @@ def discover(
     task: Annotated[str, typer.Option(help="What for.")] = "pure_manipulation",
     discoverer: Annotated[str, typer.Option(help="How: the paper's kl, or another of docs/discovery.md.")] = "kl",
     preset: Annotated[str, typer.Option(help="Named settings: quick or paper.")] = "quick",
+    select: Annotated[str, typer.Option(help="paper: Algorithm 2; fdr: what stands out from placebos.")] = "paper",
+    fdr: Annotated[float, typer.Option(min=0.0, max=1.0, help="Share of wrong edges that --select fdr allows.")] = 0.05,
     seed: Annotated[int, typer.Option(min=0)] = 0,
     oracle: Annotated[bool, typer.Option("--oracle", help="Score it against counterfactuals from snapshots.")] = False,
     data: Annotated[
@@ -141,17 +143,23 @@ def discover(
     jobs: Annotated[int | None, typer.Option(min=1, help="Processes that collect (default: one per core).")] = None,
 ) -> None:
     """Discover the causal graph of a task, print it beside its KL values, and write graph.json, kl.csv and data/."""
-    from causalbench.run.alone import discover_alone, infer_alone
+    from causalbench.report.figures import write_discovery_figures
+    from causalbench.run.alone import choose_settings, discover_alone, infer_alone
     from causalbench.show import print_graph, print_oracle
 
+    settings = choose_settings(discoverer, preset, select, fdr)
+    name = f"{discoverer}-{preset}" if select == "paper" else f"{discoverer}-{preset}-{select}"
     if data is not None:
         if oracle:
             raise UserError("--oracle asks the simulator: run it without --data")
-        folder = out or data.parent / f"{discoverer}-{preset}"
-        print_graph(infer_alone(data, discoverer, preset, folder), folder)
+        folder = out or data.parent / name
+        graph = infer_alone(data, settings, folder)
+        write_discovery_figures(folder)
+        print_graph(graph, folder)
         return
-    folder = out or Path("runs") / f"discover-{task}-{backend}-{discoverer}-{preset}-s{seed}"
-    graph, truth = discover_alone(task, backend, discoverer, preset, seed, oracle, folder, jobs or _cores())
+    folder = out or Path("runs") / f"discover-{task}-{backend}-{name}-s{seed}"
+    graph, truth = discover_alone(task, backend, settings, seed, oracle, folder, jobs or _cores())
+    write_discovery_figures(folder)
     print_graph(graph, folder)
     if truth is not None:
         print_oracle(graph, truth)
@@ -262,13 +270,19 @@ def _plan(
 
 def _execute(plan: Plan, folder: RunFolder, file: SuiteFile, execution: Execution, quiet: bool) -> None:
     from causalbench.plugins import installed
+    from causalbench.report.figures import write_run_figures
     from causalbench.report.tables import write_tables
     from causalbench.run.live import choose_view
     from causalbench.run.session import run_plan
     from causalbench.show import progress_console
 
     view = choose_view(quiet, progress_console())
-    run_plan(plan, folder, file, installed(), execution, view, lambda: write_tables(folder))
+
+    def report() -> None:
+        write_tables(folder)
+        write_run_figures(folder)
+
+    run_plan(plan, folder, file, installed(), execution, view, report)
 
 
 def _print_run(plan: Plan, folder: RunFolder, as_json: bool) -> None:

@@ -98,6 +98,22 @@ def print_oracle(graph: CausalGraph, truth: Sequence[StageTruth]) -> None:
         ratios = [f"{row[key]:.3f}" for key in ("precision", "recall", "f1")]
         scores.add_row(str(row["stage"]), *ratios, str(row["shd"]), f"{row['f1_weak_present']:.3f}")
     _print(scores)
+    _print(_floor(graph))
+
+
+def _floor(graph: CausalGraph) -> str:
+    """What the oracle took, and how small an effect it can see."""
+    took = f"The oracle took {graph.oracle['env_steps']} environment steps of its own"
+    if graph.oracle["exact_restore"]:
+        return f"{took}; snapshots restore exactly, so its error floor is 0."
+    floors = [
+        (value, f"{term} of stage {stage}")
+        for stage, row in graph.oracle["floor"].items()
+        for term, value in row.items()
+        if value is not None
+    ]
+    value, where = max(floors, default=(0.0, "none"))
+    return f"{took}; restoring is not exact: repeating the same action shows effects up to {value:.2g} ({where})."
 
 
 def _stage_table(graph: StageGraph) -> Table:

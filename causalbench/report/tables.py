@@ -12,7 +12,7 @@ from causalbench.report.leaderboard import COLUMNS as LEADERBOARD_COLUMNS
 from causalbench.report.leaderboard import leaderboard
 from causalbench.report.stats import area_under, wilson
 from causalbench.store.cells import RunFolder, StoredCell, check_comparable, in_order
-from causalbench.store.records import Counts, read_counts, read_progress, write_rows
+from causalbench.store.records import Counts, read_counts, read_effects, read_progress, write_rows
 
 Row = dict[str, Any]
 
@@ -26,7 +26,7 @@ CURVES = (*KEYS, "env_steps", "success_deterministic", "success_sampled", "rever
 RETURNS = ("cell", "env_steps", "term", "mean_return")
 DISCOVERY = (
     "task", "backend", "seed", "stage", "reward", "action", "kl", "kl_reverse", "kl_symmetric", "cv", "kl_n",
-    "selected", "effect", "grade",
+    "q_value", "selected", "effect", "effect_low", "effect_high", "grade",
 )  # fmt: skip
 STAGES = (*KEYS, "quantity", "from_stage", "to_stage", "count")
 TIMING = ("cell", "state", "seconds", "env_steps", "env_steps_per_second")
@@ -138,19 +138,21 @@ def _stage_rows(cell: StoredCell) -> Iterator[Row]:
 
 def _discovery_rows(cell: StoredCell) -> Iterator[Row]:
     path = cell.folder / "graph.json"
+    effects = read_effects(cell.folder / "oracle.csv")
     for stage in CausalGraph.from_json(path.read_text(encoding="utf-8"), path).stages:
         for row in _edge_rows(stage):
             task, backend = cell.identity["task"]["name"], cell.identity["backend"]["name"]
-            yield {"task": task, "backend": backend, "seed": cell.identity["seed"]} | row
+            effect = effects.get((row["stage"], row["reward"], row["action"]), {})
+            yield {"task": task, "backend": backend, "seed": cell.identity["seed"]} | row | effect
 
 
 def _edge_rows(graph: StageGraph) -> Iterator[Row]:
-    """One row per reward and action. `effect` and `grade` are an oracle's, empty where none was run."""
+    """One row per reward and action."""
     for column, term in enumerate(graph.terms):
         for row, action in enumerate(graph.actions):
             numbers = {
                 "kl": graph.kl, "kl_reverse": graph.kl_reverse, "kl_symmetric": graph.kl_symmetric,
-                "kl_n": graph.kl_normalised,
+                "kl_n": graph.kl_normalised, "q_value": graph.q_value,
             }  # fmt: skip
             yield {
                 "stage": graph.stage,
@@ -158,8 +160,6 @@ def _edge_rows(graph: StageGraph) -> Iterator[Row]:
                 "action": action,
                 "cv": None if graph.cv is None else float(graph.cv[column]),
                 "selected": int(graph.matrix[row, column]),
-                "effect": None,
-                "grade": None,
             } | {name: None if table is None else float(table[row, column]) for name, table in numbers.items()}
 
 

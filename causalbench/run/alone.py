@@ -6,18 +6,18 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 from rich.console import Console
 from rich.progress import Progress
 
-from causalbench.core.discovery.graph import CausalGraph
-from causalbench.core.discovery.settings import PRESETS, DiscoverySettings
+from causalbench.core.discovery.graph import CausalGraph, manual_graph
+from causalbench.core.discovery.settings import PRESETS, SELECTIONS, DiscoverySettings, Selection
 from causalbench.errors import RunFolderError, UnknownNameError
 from causalbench.plugins import installed
 from causalbench.run.cell import use_one_thread, write_graph
+from causalbench.run.judged import judge_graph
 from causalbench.store.cells import DATA
-from causalbench.store.files import write_text
 from causalbench.store.samples import SampleFolder
 
 if TYPE_CHECKING:
@@ -29,14 +29,14 @@ ORACLE_STATES = 400
 
 
 def discover_alone(
-    task: str, backend: str, discoverer: str, preset: str, seed: int, oracle: bool, folder: Path, cores: int
+    task: str, backend: str, settings: DiscoverySettings, seed: int, oracle: bool, folder: Path, cores: int
 ) -> tuple[CausalGraph, tuple[StageTruth, ...] | None]:
     """Discover in this process with progress on stderr, write `graph.json`, the numbers behind it and the samples.
 
     Samples that an interrupted call left in `folder` are used. With `oracle` also find the graded truth, and write
     `oracle.csv` and `score.csv`.
     """
-    plugins, settings = installed(), _settings(discoverer, preset)
+    plugins = installed()
     chosen_task, make_scene = plugins.task(task), plugins.backend(backend).make
     _make(folder)
     from causalbench.core.discovery.pipeline import discover
@@ -47,23 +47,19 @@ def discover_alone(
             chosen_task, make_scene, settings, seed, report,
             discoverers=plugins.discoverers, cores=cores, store=SampleFolder(folder / DATA),
         )  # fmt: skip
-    write_graph(folder, graph)
+    human = manual_graph(chosen_task)
+    write_graph(folder, graph, human)
     if not oracle:
         return graph, None
-    from causalbench.core.discovery.oracle import consult_oracle
-    from causalbench.core.discovery.tables import oracle_table, score_table
-
     with _progress("oracle") as report:
-        truth = consult_oracle(chosen_task, make_scene, ORACLE_STATES, seed, report)
-    for name, table in (("oracle.csv", oracle_table(graph, truth)), ("score.csv", score_table(graph, truth))):
-        write_text(folder / name, table.to_csv(index=False, lineterminator="\n"))
+        graph, truth = judge_graph(graph, chosen_task, make_scene, ORACLE_STATES, seed, folder, report)
+    write_graph(folder, graph, human)
     return graph, truth
 
 
-def infer_alone(data: Path, discoverer: str, preset: str, folder: Path) -> CausalGraph:
+def infer_alone(data: Path, settings: DiscoverySettings, folder: Path) -> CausalGraph:
     """Discover from the samples in the folder `data`, with their task, seed and sizes; imports no simulator."""
-    plugins, settings = installed(), _settings(discoverer, preset)
-    store = SampleFolder(data)
+    plugins, store = installed(), SampleFolder(data)
     origin, about = store.origin()
     settings = replace(
         settings,
@@ -79,14 +75,18 @@ def infer_alone(data: Path, discoverer: str, preset: str, folder: Path) -> Causa
         graph = discover_from_samples(
             task, store, origin, settings, about["seed"], report, discoverers=plugins.discoverers
         )
-    write_graph(folder, graph)
+    write_graph(folder, graph, manual_graph(task))
     return graph
 
 
-def _settings(discoverer: str, preset: str) -> DiscoverySettings:
+def choose_settings(discoverer: str, preset: str, select: str, fdr: float) -> DiscoverySettings:
+    """Those of a preset with the choices of the command line. Raises `UserError`."""
     if preset not in PRESETS:
         raise UnknownNameError("preset", preset, PRESETS)
-    return replace(PRESETS[preset], discoverer=installed().discoverer(discoverer).name)
+    if select not in SELECTIONS:
+        raise UnknownNameError("selection", select, SELECTIONS)
+    name = installed().discoverer(discoverer).name
+    return replace(PRESETS[preset], discoverer=name, select=cast(Selection, select), fdr=fdr)
 
 
 def _make(folder: Path) -> None:

@@ -16,6 +16,7 @@ from causalbench.core.scene import Scene
 from causalbench.core.tasks.task import Task
 from causalbench.errors import CausalbenchError, DivergedError
 from causalbench.plugins import installed
+from causalbench.run.judged import judge_graph
 from causalbench.store.cells import CHECKPOINT, DATA, LOG, RunFolder, State, Status
 from causalbench.store.files import write_folder, write_text
 from causalbench.store.records import write_counts, write_progress
@@ -111,17 +112,26 @@ def _discover(cell: DiscoveryCell, folder: Path, on_progress: OnProgress, cores:
         cores=cores,
         store=SampleFolder(folder / DATA),
     )
-    write_graph(folder, graph)
+    if cell.settings.oracle_states:
+        graph, _ = judge_graph(
+            graph, task, scene_factory(cell.backend), cell.settings.oracle_states, cell.seed, folder,
+            lambda share, text: on_progress(Progress(share, text)),
+        )  # fmt: skip
+    write_graph(folder, graph, manual_graph(task))
     return graph.env_steps
 
 
-def write_graph(folder: Path, graph: CausalGraph) -> None:
-    """Write `graph.json`, and the numbers behind it: the paper's table of KL values as `kl.csv`, or `evidence.csv`."""
+def write_graph(folder: Path, graph: CausalGraph, human: CausalGraph) -> None:
+    """Write `graph.json`, the human's as `manual.json`, and the numbers behind it.
+
+    These are the paper's table of KL values as `kl.csv`, or `evidence.csv`.
+    """
     from causalbench.core.discovery.tables import evidence_table, kl_table
 
     by_kl = any(stage.kl is not None for stage in graph.stages)
     name, table = ("kl.csv", kl_table(graph)) if by_kl else ("evidence.csv", evidence_table(graph))
     write_text(folder / name, table.to_csv(index=False, lineterminator="\n"))
+    write_text(folder / "manual.json", human.to_json() + "\n")
     write_text(folder / "graph.json", graph.to_json() + "\n")
 
 

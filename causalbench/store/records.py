@@ -58,6 +58,20 @@ def _evaluation(row: dict[str, str]) -> Evaluation:
     return Evaluation(**({"held_rate": None} | plain | counts), term_returns=returns)
 
 
+EFFECT = ("effect", "effect_low", "effect_high", "grade")
+
+
+def read_effects(path: Path) -> dict[tuple[int, str, str], dict[str, str]]:
+    """(stage, reward, action) -> what `oracle.csv` says of the edge, as it stands there; empty where none was asked."""
+    if not path.exists():
+        return {}
+    with path.open(encoding="utf-8", newline="") as file:
+        return {
+            (int(row["stage"]), row["reward"], row["action"]): {name: row[name] for name in EFFECT}
+            for row in csv.DictReader(file)
+        }
+
+
 def write_counts(path: Path, counts: TrainingCounts, graph: CausalGraph | None) -> None:
     """Write `counts.json`."""
     table = counts.transitions

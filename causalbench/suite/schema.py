@@ -22,8 +22,9 @@ from causalbench.suite.positions import Location, PositionedYaml
 TierName = Literal["smoke", "quick", "full"]
 TIERS: tuple[str, ...] = get_args(TierName)
 
-MAY_BE_ZERO = {"patience", "learning_starts", "sequence_length", "n_placebos", "placebo_gate", "sigma_train",
-               "sigma_kl", "epsilon_cv", "epsilon_normalize", "epsilon_direct", "cooperation_weight"}  # fmt: skip
+MAY_BE_ZERO = {"patience", "learning_starts", "sequence_length", "n_placebos", "oracle_states", "placebo_gate",
+               "sigma_train", "sigma_kl", "epsilon_cv", "epsilon_normalize", "epsilon_direct",
+               "cooperation_weight"}  # fmt: skip
 """Settings that may be 0; every other number in a settings record must be positive."""
 
 

@@ -42,7 +42,7 @@ def test_the_files_need_numpy_and_pandas_alone(collected):
         assert len(file["states"]) == len(file["rewards"]) == len(file["sequence"]) == len(actions) == 64
         about = json.loads(str(file["about"]))
     assert (actions.armz == 0).all()
-    assert list(actions.columns) == [*TASK.actions, "placebo0", "placebo1", "placebo2"]
+    assert list(actions.columns) == [*TASK.actions, *(f"placebo{p}" for p in range(TINY.n_placebos))]
     assert (about["request"]["seed"], about["units"]["actions"]) == (3, "share of full speed, -1 to 1; 0: not executed")
 
 
@@ -169,3 +169,13 @@ def test_fewer_samples_than_asked_for_are_noted():
 
     (stage,) = _graph(toy_task(rewards, 2)).stages
     assert stage.notes == ("160 of 200 samples in 'random': 240 of 400 steps were not finite",)
+
+
+def test_the_calibrated_cut_needs_no_simulator(collected):
+    graph, folder = collected
+    store = SampleFolder(folder)
+    fdr = dataclasses.replace(TINY, select="fdr", fdr=0.3)
+    found = discover_from_samples(TASK, store, store.origin()[0], fdr, 3, _quiet)
+    for stage, same_fit in zip(found.stages, graph.stages, strict=True):
+        np.testing.assert_array_equal(stage.kl, same_fit.kl)
+        np.testing.assert_array_equal(stage.matrix[:, stage.testable], (stage.q_value <= 0.3)[:, stage.testable])

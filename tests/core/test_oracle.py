@@ -1,15 +1,16 @@
 """The oracle against the closed-form truth of the kinematic backend; the metrics against brute force."""
 
+import dataclasses
 import itertools
 
 import numpy as np
 import pytest
 from truth import TRUTH
 
-from causalbench.core.discovery.graph import manual_graph
+from causalbench.core.discovery.graph import CausalGraph, manual_graph
 from causalbench.core.discovery.oracle import Grade, consult_oracle
-from causalbench.core.discovery.score import Score, score_graph, score_matrix
-from causalbench.core.kinematic import make
+from causalbench.core.discovery.score import Score, score_graph, score_matrix, with_score
+from causalbench.core.kinematic import KinematicScene, make
 from causalbench.core.tasks.pure_manipulation import TASK
 
 
@@ -90,3 +91,29 @@ def test_weak_edges_count_only_when_asked():
     assert score_matrix(matrix, grades) == Score(1, 1, 0)
     assert score_matrix(matrix, grades, weak_is_present=True) == Score(1, 1, 1)
     assert score_matrix(matrix, grades, weak_is_present=False) == Score(1, 1, 0)
+
+
+class Sloppy(KinematicScene):
+    """Restores to a place nearby, and says that it is not exact."""
+
+    def __init__(self):
+        super().__init__()
+        self.spec = dataclasses.replace(self.spec, capabilities=frozenset())
+        self.noise = np.random.default_rng(0)
+
+    def restore(self, snapshot):
+        super().restore(snapshot)
+        self.step(self.noise.uniform(-0.2, 0.2, len(self.spec.actions)))
+
+
+def test_where_restoring_is_not_exact_the_graph_says_how_large_the_error_floor_is():
+    truth = consult_oracle(TASK, Sloppy, 40, 0, lambda share, text: None)
+    graph = with_score(manual_graph(TASK), truth, 40)
+    assert graph.oracle["exact_restore"] is False
+    assert graph.oracle["env_steps"] == 4 * 40 * 9
+    for stage in truth:
+        for value, floor in zip(graph.oracle["floor"][str(stage.stage)].values(), stage.floor, strict=True):
+            assert value == floor or (value is None and np.isnan(floor))
+    # A fifth of full speed, both times: about 2 * 0.2^2 of the variance that full speed causes.
+    assert 0.02 < graph.oracle["floor"]["3"]["r_eefz2"] < 0.3
+    assert CausalGraph.from_json(graph.to_json()).oracle == graph.oracle

@@ -38,7 +38,8 @@ def test_a_finished_run_has_every_file_of_the_layout(finished_run: Path) -> None
     assert top == {*RESULT_FILES, "timing.csv", "environment.json", "suite.yaml", "cells", "discovery"}
     learner = {"cell.json", "status.json", "progress.csv", "counts.json", "log.txt", "policy"}
     assert [{p.name for p in cell.iterdir()} for cell in (finished_run / "cells").iterdir()] == [learner] * 2
-    discovery = {"cell.json", "status.json", "graph.json", "kl.csv", "log.txt", "data"}
+    discovery = {"cell.json", "status.json", "graph.json", "manual.json", "kl.csv", "log.txt", "figures", "data"}
+    discovery |= {"oracle.csv", "score.csv"}
     assert [{p.name for p in cell.iterdir()} for cell in (finished_run / "discovery").iterdir()] == [discovery]
 
 
@@ -81,6 +82,23 @@ def test_transitions_of_training_add_up_to_the_budget(finished_run: Path) -> Non
     moves = [row for row in rows(finished_run / "stages.csv") if row["quantity"] == "transitions"]
     for method in ("cmSAC", "mSAC"):
         assert sum(int(row["count"]) for row in moves if row["method"] == method) == 120
+
+
+def test_discovery_rows_have_the_oracles_effects_and_the_graph_its_score(finished_run: Path) -> None:
+    graph = json.loads(next(finished_run.glob("discovery/*/graph.json")).read_text())
+    truth = rows(next(finished_run.glob("discovery/*/oracle.csv")))
+    names = ("stage", "reward", "action", "effect", "effect_low", "effect_high", "grade")
+    found = [{name: row[name] for name in names} for row in rows(finished_run / "discovery.csv")]
+    assert found == [{name: row[name] for name in names} for row in truth]
+    assert {row["grade"] for row in truth} <= {"absent", "weak", "strong", "untestable"}
+    score = rows(next(finished_run.glob("discovery/*/score.csv")))
+    assert [row["stage"] for row in score] == ["1", "2", "3", "4", "all"]
+    assert [{k: str(v) for k, v in row.items()} for row in graph["oracle"]["scores"]] == score
+    # Nine steps a state (seven actions, the step itself and its repetition), which are no part of discovery's own.
+    assert graph["oracle"]["env_steps"] == 4 * 3 * 9
+    assert graph["env_steps"] == 4 * (8 * 32 + 16)  # sets of 20 and of 4 samples, 16 worlds at a time
+    assert graph["oracle"]["exact_restore"] is True
+    assert all(value in (0, None) for stage in graph["oracle"]["floor"].values() for value in stage.values())
 
 
 def test_discovery_rows_are_the_graph(finished_run: Path) -> None:

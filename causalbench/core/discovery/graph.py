@@ -24,7 +24,8 @@ class StageGraph:
     """The matrix of one stage and the numbers behind it; rows are actions, columns are reward terms.
 
     `kl` is KL(P1||P2), `kl_reverse` KL(P2||P1), P1 = p(r | s, do(a_k = 0)) and P2 = p(r | s, random a_k);
-    `kl_symmetric` their mean; all in nats, `placebo_kl` is the largest placebo's in the direction used.
+    `kl_symmetric` their mean; all in nats, `null_kl` holds the placebos' in the direction used and
+    `q_value` what they say of each edge (`calibration.q_values`).
     `cv` and `kl_normalised` are those of Algorithm 2. They are the discoverer `kl`'s; `evidence` holds the tables by
     which another one decided, named as its documentation says. A term whose reward never varied is untestable: its
     column is taken from the task's declared graph. `notes` says in sentences what did not go as planned.
@@ -34,12 +35,13 @@ class StageGraph:
     actions: tuple[str, ...]
     terms: tuple[str, ...]
     matrix: NDArray[np.bool_]  # (n_actions, n_terms)
-    kl: NDArray[np.float64] | None = None  # (n_actions, n_terms), like the three that follow
+    kl: NDArray[np.float64] | None = None  # (n_actions, n_terms), like the four that follow
     kl_reverse: NDArray[np.float64] | None = None
     kl_symmetric: NDArray[np.float64] | None = None
     kl_normalised: NDArray[np.float64] | None = None
-    cv: NDArray[np.float64] | None = None  # (n_terms,), like the two that follow
-    placebo_kl: NDArray[np.float64] | None = None
+    q_value: NDArray[np.float64] | None = None
+    null_kl: NDArray[np.float64] | None = None  # (n_nulls, n_terms)
+    cv: NDArray[np.float64] | None = None  # (n_terms,), like the one that follows
     testable: NDArray[np.bool_] | None = None
     evidence: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)  # each (n_actions, n_terms)
     notes: tuple[str, ...] = ()
@@ -53,7 +55,8 @@ class StageGraph:
 class CausalGraph:
     """One `StageGraph` per stage. `provenance` holds settings, seed, data hash and versions.
 
-    `env_steps` counts every environment step that discovery took; 0 for a declared graph.
+    `env_steps` counts every environment step that discovery took; 0 for a declared graph. `oracle` is empty, or how the
+    graph stands against the truth (`score.with_score`): ground truth, so its env steps are no cost of discovery.
     """
 
     task: str
@@ -62,6 +65,7 @@ class CausalGraph:
     stages: tuple[StageGraph, ...]
     env_steps: int = 0
     provenance: Mapping[str, Any] = field(default_factory=dict)
+    oracle: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def hash(self) -> str:
@@ -119,6 +123,12 @@ class CausalGraph:
                     f"causal graph {self.hash}, stage {graph.stage}: no action causes any reward, so no policy can be "
                     f"built; discover again with more samples"
                 )
+
+
+def used_kl(graph: CausalGraph, stage: int) -> NDArray[np.float64]:
+    """(n_actions, n_terms) KL of one stage in the direction that Algorithm 2 saw."""
+    name = {"forward": "kl", "reverse": "kl_reverse", "symmetric": "kl_symmetric"}
+    return np.asarray(getattr(graph.stages[stage - 1], name[graph.provenance["settings"]["direction"]]))
 
 
 def manual_graph(task: Task) -> CausalGraph:

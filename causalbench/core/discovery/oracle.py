@@ -40,7 +40,7 @@ class Grade(StrEnum):
 class StageTruth:
     """Effects of one stage, arrays (n_actions, n_terms); `floor` (n_terms,) is what repeating the same action shows.
 
-    `floor` is 0 where restoring is exact.
+    `floor` is 0 where restoring is exact, which the scene declares or not (`exact_restore`).
     """
 
     stage: int
@@ -50,6 +50,7 @@ class StageTruth:
     low: NDArray[np.float64]
     high: NDArray[np.float64]
     floor: NDArray[np.float64]
+    exact_restore: bool
 
     def grades(self) -> list[list[Grade]]:
         """[action][term] grades."""
@@ -112,7 +113,8 @@ def _stage_truth(
         length = SEQUENCE_LENGTH if result.next_stage != stage or result.success else length + 1
         on_progress((stage - 1 + (n + 1) / states) / task.n_stages, f"stage {stage}: oracle")
     effect, low, high = _effects(rewards, sequence, rng)
-    return StageTruth(stage, task.actions, terms, effect[1:], low[1:], high[1:], effect[0])
+    exact = "exact_restore" in scene.spec.capabilities
+    return StageTruth(stage, task.actions, terms, effect[1:], low[1:], high[1:], effect[0], exact)
 
 
 def _effects(

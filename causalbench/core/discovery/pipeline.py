@@ -11,6 +11,7 @@ from importlib.metadata import version
 
 import numpy as np
 
+from causalbench.core.discovery.calibration import calibrate
 from causalbench.core.discovery.collect import Samples, StageSamples
 from causalbench.core.discovery.collection import Collection, Origin, Recipe, SampleStore, Stream
 from causalbench.core.discovery.discoverers import DISCOVERERS, Discoverer
@@ -164,7 +165,7 @@ def _discover(
             digests += [samples.digest() for samples in (*problem.kept, problem.collected) if samples]
     finally:
         collection.close()
-    return CausalGraph(
+    graph = CausalGraph(
         task=task.name,
         task_version=task.version,
         origin="discovered",
@@ -178,6 +179,7 @@ def _discover(
             "versions": {"python": sys.version.split()[0], **{name: version(name) for name in ("numpy", "torch")}},
         },
     )
+    return calibrate(graph)
 
 
 def _decide(discoverer: Discoverer, problem: _Problem) -> StageGraph:

@@ -48,26 +48,26 @@ class RewardModels:
 
 
 def train_reward_models(
-    random: Samples,
-    interventions: Sequence[Samples],
+    data: Sequence[tuple[Samples, Samples]],
     settings: DiscoverySettings,
     seed: int,
     on_progress: Callable[[float], None],
 ) -> RewardModels:
-    """Train on D_random together with each D_do[a_k] (`interventions[k]`), early stopping per pair.
+    """Train on D_random together with each D_do[a_k] (`data[k]`, sizes equal for all k), early stopping per pair.
 
     Each pair keeps the weights of its best held-out likelihood; training ends when no pair has improved for
     `settings.patience` epochs (0: after `settings.max_epochs`, last weights kept, as in the paper).
     """
     generator = torch.Generator().manual_seed(seed)
-    n_actions, n_terms = len(interventions), random.rewards.shape[1]
-    inputs = torch.stack([torch.cat([_inputs(random), _inputs(do)]) for do in interventions])  # (K, N, d)
+    rewards_of_random = data[0][0].rewards
+    n_actions, n_terms = len(data), rewards_of_random.shape[1]
+    inputs = torch.stack([torch.cat([_inputs(random), _inputs(do)]) for random, do in data])  # (K, N, d)
     mean = inputs.mean((0, 1))
     scale = inputs.std((0, 1))
     scale = torch.where(scale < 1e-6, torch.ones_like(scale), scale)
     inputs = (inputs - mean) / scale
-    centre, deviation = random.rewards.mean(0), random.term_scale()[0].astype(np.float32)
-    rewards = [np.concatenate([random.rewards, do.rewards]) for do in interventions]
+    centre, deviation = rewards_of_random.mean(0), data[0][0].term_scale()[0].astype(np.float32)
+    rewards = [np.concatenate([random.rewards, do.rewards]) for random, do in data]
     targets = torch.from_numpy((np.stack(rewards) - centre) / deviation)  # (K, N, J)
     targets = targets.permute(0, 2, 1).reshape(n_actions * n_terms, -1, 1)
 

@@ -5,8 +5,9 @@ The graph is bipartite and directed from actions to terms, so an edge is there o
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,3 +76,41 @@ def score_graph(graph: CausalGraph, truth: Iterable[StageTruth], weak_is_present
         score_matrix(found.matrix, stage.grades(), weak_is_present)
         for found, stage in zip(graph.stages, truth, strict=True)
     ]
+
+
+def score_rows(graph: CausalGraph, truth: Sequence[StageTruth]) -> list[dict[str, Any]]:
+    """One row per stage and one for all: scores on absent and strong edges, and F1 with weak edges as present."""
+    plain, with_weak = score_graph(graph, truth), score_graph(graph, truth, weak_is_present=True)
+    names, nothing = [*(str(stage.stage) for stage in truth), "all"], Score(0, 0, 0)
+    both = zip([*plain, sum(plain, nothing)], [*with_weak, sum(with_weak, nothing)], strict=True)
+    return [
+        {
+            "stage": name,
+            "precision": score.precision,
+            "recall": score.recall,
+            "f1": score.f1,
+            "shd": score.shd,
+            "f1_weak_present": weak.f1,
+        }
+        for name, (score, weak) in zip(names, both, strict=True)
+    ]
+
+
+def with_score(graph: CausalGraph, truth: Sequence[StageTruth], states: int) -> CausalGraph:
+    """The graph with its `oracle` filled: scores, error floor per stage and term, and what the oracle cost apart."""
+    return replace(
+        graph,
+        oracle={
+            "states": states,
+            "env_steps": states * sum(2 + len(stage.actions) for stage in truth),
+            "exact_restore": all(stage.exact_restore for stage in truth),
+            "floor": {
+                str(stage.stage): {
+                    term: None if np.isnan(value) else float(value)
+                    for term, value in zip(stage.terms, stage.floor, strict=True)
+                }
+                for stage in truth
+            },
+            "scores": score_rows(graph, truth),
+        },
+    )

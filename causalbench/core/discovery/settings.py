@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
+
+from causalbench.errors import UserError
+
+Selection = Literal["paper", "fdr"]
+SELECTIONS: tuple[str, ...] = get_args(Selection)
 
 
 @dataclass(frozen=True)
@@ -24,8 +29,18 @@ class DiscoverySettings:
     epsilon_cv: float = 1.0
     epsilon_normalize: float = 0.1
     epsilon_direct: float = 0.01
-    n_placebos: int = 3  # action dimensions that no scene sees, probed like actions; 0 is the literal reading
+    n_placebos: int = 8  # action dimensions that no scene sees, probed like actions; 0 is the literal reading
+    placebo_sets: int = 5  # data sets, with models of their own, in each of which every placebo is probed
+    select: Selection = "paper"  # Algorithm 2 with the gate below, or the placebos' distribution alone
+    fdr: float = 0.05  # share of wrong edges among the selected ones that `select: fdr` allows
+    oracle_states: int = 0  # visited states per stage by which an oracle grades and scores the graph; 0: no oracle
     placebo_gate: float = 3.0  # an action counts only if its KL exceeds this times the largest placebo's
+
+    def __post_init__(self) -> None:
+        if self.select == "fdr" and self.discoverer != "kl":
+            raise UserError(f"discovery: `select: fdr` is for the discoverer 'kl', not {self.discoverer!r}")
+        if self.select == "fdr" and not self.n_placebos:
+            raise UserError("discovery: `select: fdr` learns its cut from placebos; set n_placebos to at least 1")
 
 
 PRESETS = {

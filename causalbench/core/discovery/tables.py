@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from causalbench.core.discovery.graph import CausalGraph
+from causalbench.core.discovery.graph import CausalGraph, used_kl
 from causalbench.core.discovery.oracle import StageTruth
-from causalbench.core.discovery.score import Score, score_graph
+from causalbench.core.discovery.score import score_rows
 
 
 def kl_table(graph: CausalGraph) -> pd.DataFrame:
@@ -44,14 +42,11 @@ def evidence_table(graph: CausalGraph) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def used_kl(graph: CausalGraph, stage: int) -> NDArray[np.float64]:
-    """(n_actions, n_terms) KL of one stage in the direction that Algorithm 2 saw."""
-    name = {"forward": "kl", "reverse": "kl_reverse", "symmetric": "kl_symmetric"}
-    return np.asarray(getattr(graph.stages[stage - 1], name[graph.provenance["settings"]["direction"]]))
-
-
 def oracle_table(graph: CausalGraph, truth: Sequence[StageTruth]) -> pd.DataFrame:
-    """One row per (stage, reward, action): effect with its interval, grade, and whether discovery selected it."""
+    """One row per (stage, reward, action): effect with its interval, grade, and whether discovery selected it.
+
+    `floor` is the effect that repeating the same action shows: 0 where restoring is exact.
+    """
     rows = [
         {
             "stage": stage.stage,
@@ -60,6 +55,7 @@ def oracle_table(graph: CausalGraph, truth: Sequence[StageTruth]) -> pd.DataFram
             "effect": stage.effect[k, j],
             "effect_low": stage.low[k, j],
             "effect_high": stage.high[k, j],
+            "floor": stage.floor[j],
             "grade": grades[k][j].value,
             "selected": bool(found.matrix[k, j]),
         }
@@ -73,20 +69,4 @@ def oracle_table(graph: CausalGraph, truth: Sequence[StageTruth]) -> pd.DataFram
 
 def score_table(graph: CausalGraph, truth: Sequence[StageTruth]) -> pd.DataFrame:
     """One row per stage and one for all: scores on absent and strong edges, and with weak edges counted as present."""
-    plain, with_weak = score_graph(graph, truth), score_graph(graph, truth, weak_is_present=True)
-    stages = [str(stage.stage) for stage in truth] + ["all"]
-    nothing = Score(0, 0, 0)
-    rows = [
-        {
-            "stage": name,
-            "precision": score.precision,
-            "recall": score.recall,
-            "f1": score.f1,
-            "shd": score.shd,
-            "f1_weak_present": weak.f1,
-        }
-        for name, score, weak in zip(
-            stages, [*plain, sum(plain, nothing)], [*with_weak, sum(with_weak, nothing)], strict=True
-        )
-    ]
-    return pd.DataFrame(rows)
+    return pd.DataFrame(score_rows(graph, truth))

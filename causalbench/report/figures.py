@@ -1,0 +1,262 @@
+"""Pictures of a causal graph, as the paper has them: KL heat map, causal matrix, causal graph beside the human's.
+
+SVG (text stays text) and PNG, the same bytes for the same graph. matplotlib is imported when a picture is drawn.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from causalbench.core.discovery.graph import CausalGraph, StageGraph, used_kl
+from causalbench.store.cells import RunFolder
+from causalbench.store.files import write_folder
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+STAGE_COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00")
+"""Okabe and Ito's colours, which colour-blind readers tell apart; a seventh stage starts again."""
+FRAME = "#D55E00"
+UNTESTED: dict[str, Any] = {"facecolor": "#EEEEEE", "edgecolor": "#999999", "hatch": "///", "lw": 0}
+INCH_PER_CELL = 0.62
+STYLE = {
+    "font.size": 10.0,
+    "svg.fonttype": "none",
+    "svg.hashsalt": "causalbench",
+    "figure.dpi": 100.0,
+    "savefig.dpi": 130.0,
+    "axes.titlesize": 11.0,
+    "figure.constrained_layout.w_pad": 0.12,  # inches
+    "savefig.bbox": "tight",  # whatever the length of a name, nothing is cut off
+}
+FIGURES = "figures"
+Column = tuple[StageGraph, int]
+
+
+def write_figures(folder: Path, graph: CausalGraph, human: CausalGraph) -> None:
+    """Fill `folder` with kl, matrix and graph, each as .svg and .png; `human` is the declared graph of the same task.
+
+    A graph without any KL value has no heat map.
+    """
+    drawings: dict[str, Callable[[], Figure]] = {
+        "matrix": lambda: draw_matrix(graph),
+        "graph": lambda: draw_graphs(graph, human),
+    }
+    if any(stage.kl is not None for stage in graph.stages):
+        drawings["kl"] = lambda: draw_kl(graph)
+
+    def fill(path: Path) -> None:
+        with _style():
+            for name, draw in drawings.items():
+                figure = draw()
+                figure.draw_without_rendering()
+                figure.set_layout_engine("none")  # laid out once, for both files
+                figure.savefig(path / f"{name}.svg", metadata={"Date": None, "Title": f"{name} {graph.hash}"})
+                figure.savefig(path / f"{name}.png", metadata={"Software": None})
+
+    write_folder(folder, fill)
+
+
+def write_discovery_figures(folder: Path) -> None:
+    """Fill `figures/` in the folder of one discovery, from its graph.json and manual.json."""
+    graph, human = (
+        CausalGraph.from_json(path.read_text(encoding="utf-8"), path)
+        for path in (folder / "graph.json", folder / "manual.json")
+    )
+    write_figures(folder / FIGURES, graph, human)
+
+
+def write_run_figures(run: RunFolder) -> None:
+    """The same for every finished discovery of a run that has none yet."""
+    for cell in run.cells():
+        done = cell.identity["kind"] == "discovery" and cell.status.state == "done"
+        if done and not (cell.folder / FIGURES).exists():
+            write_discovery_figures(cell.folder)
+
+
+@contextmanager
+def _style() -> Iterator[None]:
+    import matplotlib
+
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()  # a user's matplotlibrc must not change our bytes
+        matplotlib.rcParams.update(STYLE)  # type: ignore[arg-type]
+        yield
+
+
+def draw_kl(graph: CausalGraph) -> Figure:
+    """KL of every (action, reward) in the direction that Algorithm 2 saw, logarithmic; selected cells are framed.
+
+    Columns that could not be tested are hatched: their frames are the declared causes.
+    """
+    from matplotlib.colors import LogNorm
+    from matplotlib.patches import Patch, Rectangle
+
+    columns, actions = _columns(graph), graph.stages[0].actions
+    nothing = np.full(len(actions), np.nan)
+    values = np.column_stack(
+        [nothing if stage.kl is None else used_kl(graph, stage.stage)[:, j] for stage, j in columns]
+    )
+    tested = np.array([_testable(stage, j) for stage, j in columns])
+    shown = values[:, tested] if tested.any() else np.ones((1, 1))
+    high = max(float(shown.max()), 1e-3)
+    norm = LogNorm(max(high * 1e-5, 1e-4), high, clip=True)  # below a ten-thousandth of a nat is nothing
+    figure, ax = _grid(graph, columns)
+    shown_values = np.where(tested, values.clip(norm.vmin), np.nan)
+    image = ax.imshow(shown_values, cmap="cividis", norm=norm, aspect="equal")
+    for (row, column), value in np.ndenumerate(values):
+        if tested[column]:
+            dark = norm(max(value, 1e-9)) < 0.55
+            ax.text(column, row, _short(value), ha="center", va="center", fontsize=8, color="w" if dark else "k")
+    for column in np.flatnonzero(~tested):
+        ax.add_patch(
+            Rectangle(
+                (column - 0.5, -0.5), 1, len(actions), facecolor="#EEEEEE", edgecolor="#999999", hatch="///", lw=0
+            )
+        )
+    _stage_lines(ax, columns)
+    for column, (stage, j) in enumerate(columns):
+        for row in np.flatnonzero(stage.matrix[:, j]):
+            frame = Rectangle((column - 0.44, row - 0.44), 0.88, 0.88, fill=False, edgecolor=FRAME, lw=2.5)
+            frame.set_gid(f"selected-{stage.stage}-{stage.terms[j]}-{actions[row]}")
+            ax.add_patch(frame)
+    direction = graph.provenance["settings"]["direction"]
+    bar = figure.colorbar(image, ax=ax, fraction=0.05, pad=0.03, shrink=0.9)
+    bar.set_label(f"KL ({direction}), nats")
+    keys = [Patch(facecolor="none", edgecolor=FRAME, lw=2.5, label="selected")]
+    if not tested.all():
+        keys.append(Patch(**UNTESTED, label="not testable: declared causes"))
+    figure.legend(handles=keys, loc="outside lower center", ncols=len(keys), frameon=False)
+    return figure
+
+
+def draw_matrix(graph: CausalGraph) -> Figure:
+    """The causal matrices of all stages in one, coloured by stage (paper, figure Causal Matrix)."""
+    from matplotlib.patches import Rectangle
+
+    columns, actions = _columns(graph), graph.stages[0].actions
+    figure, ax = _grid(graph, columns)
+    for column, (stage, j) in enumerate(columns):
+        for row in range(len(actions)):
+            chosen = bool(stage.matrix[row, j])
+            face = _colour(stage.stage) if chosen else "white"
+            cell = Rectangle(
+                (column - 0.5, row - 0.5), 1, 1, facecolor=face, edgecolor="#BBBBBB", lw=0.8, clip_on=False
+            )
+            if chosen:
+                cell.set_gid(f"selected-{stage.stage}-{stage.terms[j]}-{actions[row]}")
+            ax.add_patch(cell)
+            ax.text(column, row, str(int(chosen)), ha="center", va="center", color="k" if chosen else "#888888")
+    _stage_lines(ax, columns)
+    return figure
+
+
+def draw_graphs(graph: CausalGraph, human: CausalGraph) -> Figure:
+    """The graph and the human's side by side; edges of only one of them are dashed."""
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+
+    titles = {"discovered": "discovered", "manual": "declared"}
+    panels = [(titles[graph.origin], graph, human), ("a human's", human, graph)]
+    actions, columns = graph.stages[0].actions, _columns(graph)
+    height = 0.42 * max(len(actions), len(columns) + 0.6 * (len(graph.stages) - 1)) + 0.4
+    widest = max(map(len, (*actions, *(stage.terms[j] for stage, j in columns))))
+    figure = Figure(figsize=(2 * (3.6 + 0.14 * widest), height), layout="constrained")
+    for ax, (title, own, other) in zip(figure.subplots(1, 2), panels, strict=True):
+        _draw_graph(ax, own, other)
+        ax.set_title(title)
+    keys = [
+        *(Line2D([], [], color=_colour(s.stage), lw=2, label=f"stage {s.stage}") for s in graph.stages),
+        Line2D([], [], color="#444444", lw=2, ls=(0, (3, 2)), label="only in this one of the two"),
+    ]
+    figure.legend(handles=keys, loc="outside lower center", ncols=min(len(keys), 5), frameon=False)
+    return figure
+
+
+def _draw_graph(ax: Axes, graph: CausalGraph, other: CausalGraph) -> None:
+    columns, actions = _columns(graph), graph.stages[0].actions
+    heights = [float(i + 0.6 * (stage.stage - 1)) for i, (stage, _) in enumerate(columns)]
+    total = max(heights[-1], len(actions) - 1.0)
+    terms_y = [y + (total - heights[-1]) / 2 for y in heights]
+    actions_y = np.linspace(0.0, total, len(actions)) if len(actions) > 1 else np.array([total / 2])
+    for (stage, j), y in zip(columns, terms_y, strict=True):
+        theirs = other.stages[stage.stage - 1].matrix[:, j]
+        for row in np.flatnonzero(stage.matrix[:, j]):
+            (line,) = ax.plot(
+                [0, 1], [actions_y[row], y], color=_colour(stage.stage), lw=2,
+                ls="-" if theirs[row] else (0, (3, 2)), zorder=1,
+            )  # fmt: skip
+            line.set_gid(f"edge-{stage.stage}-{stage.terms[j]}-{actions[row]}")
+        ax.plot(1, y, "s", color=_colour(stage.stage), ms=9, mec="k", mew=0.8)
+        ax.text(1.06, y, stage.terms[j], va="center", ha="left")
+    used = np.any([stage.matrix.any(1) for stage in graph.stages], axis=0)
+    for row, (action, y) in enumerate(zip(actions, actions_y, strict=True)):
+        ax.plot(0, y, "o", color="#444444" if used[row] else "white", ms=9, mec="k", mew=0.8)
+        ax.text(-0.06, y, action, va="center", ha="right")
+    ax.set_xlim(-0.15, 1.15)
+    ax.set_ylim(total + 0.6, -0.6)
+    ax.axis("off")
+
+
+def _grid(graph: CausalGraph, columns: list[Column]) -> tuple[Figure, Axes]:
+    """Axes with actions down the side, terms along the bottom and stages above, each in its colour."""
+    from matplotlib.figure import Figure
+
+    actions = graph.stages[0].actions
+    longest = max(len(stage.terms[j]) for stage, j in columns)
+    size = (
+        INCH_PER_CELL * len(columns) + 1.6 + 0.09 * max(map(len, actions)),
+        INCH_PER_CELL * len(actions) + 1.0 + 0.06 * longest,
+    )
+    figure = Figure(figsize=size, layout="constrained")
+    ax = figure.subplots()
+    ax.set_xlim(-0.5, len(columns) - 0.5)
+    ax.set_ylim(len(actions) - 0.5, -0.5)
+    ax.set_aspect("equal")
+    ax.set_yticks(range(len(actions)), actions)
+    ax.set_xticks(range(len(columns)), [stage.terms[j] for stage, j in columns], rotation=40, ha="right")
+    ax.tick_params(length=0)
+    for spine in ax.spines.values():
+        spine.set_visible(False)
+    first = 0
+    for stage in graph.stages:
+        n = len(stage.terms)
+        ax.plot([first - 0.42, first + n - 0.58], [-0.62] * 2, color=_colour(stage.stage), lw=5, clip_on=False)
+        name = f"stage {stage.stage}" if n > 1 else f"st. {stage.stage}"
+        ax.text(first + (n - 1) / 2, -0.78, name, ha="center", va="bottom")
+        first += n
+    return figure, ax
+
+
+def _stage_lines(ax: Axes, columns: list[Column]) -> None:
+    for column in range(1, len(columns)):
+        if columns[column][0].stage != columns[column - 1][0].stage:
+            ax.axvline(column - 0.5, color="k", lw=1.5)
+
+
+def _columns(graph: CausalGraph) -> list[Column]:
+    return [(stage, j) for stage in graph.stages for j in range(len(stage.terms))]
+
+
+def _testable(stage: StageGraph, column: int) -> bool:
+    return stage.kl is not None and (stage.testable is None or bool(stage.testable[column]))
+
+
+def _colour(stage: int) -> str:
+    return STAGE_COLOURS[(stage - 1) % len(STAGE_COLOURS)]
+
+
+def _short(value: float) -> str:
+    """At most four characters, so that a number fits its cell."""
+    if not math.isfinite(value):
+        return "?"
+    if value < 0.0095:
+        return "<.01"
+    return f"{value:.2f}".lstrip("0") if value < 0.995 else f"{value:.1f}" if value < 99.5 else f"{value:.0f}"
