@@ -26,6 +26,7 @@ class DiscoverySettings:
     epsilon_direct: float = 0.01
     n_placebos: int = 3  # action dimensions that no scene sees, probed like actions; 0 is the literal reading
     placebo_gate: float = 3.0  # an action counts only if its KL exceeds this times the largest placebo's
+    paired_env_steps: int = 2_000  # most control steps that `paired` takes in one stage
 
 
 PRESETS = {
