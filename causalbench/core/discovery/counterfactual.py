@@ -63,6 +63,14 @@ class Walk:
         self._elsewhere = True
         return self._try(action)[0]
 
+    def compare(self) -> Array:
+        """(n_actions + 2, n_terms) rewards in the next state: the drawn action, it again, it with each action at 0."""
+        drawn = self.visit()
+        tried = np.tile(drawn, (len(drawn) + 1, 1))
+        tried[np.arange(1, len(drawn) + 1), np.arange(len(drawn))] = 0.0
+        others = [self.reward_of(action) for action in tried]
+        return np.array([self.take(drawn), *others])
+
     def _try(self, action: Array) -> tuple[Array, Transition]:
         scene = self._env.scene
         scene.restore(self._start)
@@ -77,7 +85,7 @@ class Walk:
 
 
 def effects(
-    taken: Array, squares: Array, sequence: NDArray[np.int64], rng: np.random.Generator, confidence: float
+    taken: Array, squares: Array, sequence: NDArray[np.integer[Any]], rng: np.random.Generator, confidence: float
 ) -> tuple[Array, Array, Array]:
     """E[squares] / Var(taken) with bootstrap bounds, each (n_rows, n_terms); NaN where a term never varies.
 

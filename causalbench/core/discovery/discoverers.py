@@ -70,22 +70,27 @@ class Discoverer:
     extra: str = ""
 
 
-def _from(module: str) -> Callable[[StageProblem], StageGraph]:
-    """`discover_stage` of a module beside this one, imported when it is called."""
+def _from(module: str, function: str = "discover_stage") -> Callable[[StageProblem], StageGraph]:
+    """A function of a module beside this one, imported when it is called."""
 
     def discover_stage(problem: StageProblem) -> StageGraph:
-        graph: StageGraph = importlib.import_module(f"causalbench.core.discovery.{module}").discover_stage(problem)
+        found = getattr(importlib.import_module(f"causalbench.core.discovery.{module}"), function)
+        graph: StageGraph = found(problem)
         return graph
 
     return discover_stage
 
 
+CAUSAL_LEARN = (("causallearn",), "causalbench-robotics[causal-learn]")
+
 DISCOVERERS: Mapping[str, Discoverer] = {
     row.name: row
     for row in (
-        Discoverer(
-            "kl", _from("kl"), "KL of reward models with and without the action (the paper, Algorithms 1 and 2)"
-        ),
+        Discoverer("kl", _from("kl"), "KL of reward models with and without the action (the paper)"),
         Discoverer("paired", _from("paired"), "effect sizes from paired interventions, until each edge is decided"),
+        Discoverer("permutation", _from("permutation"), "permutation test on paired interventions"),
+        Discoverer("cmi", _from("cmi"), "conditional mutual information (CausalMoMa)"),
+        Discoverer("fisher_z", _from("independence", "by_fisher_z"), "partial correlation", *CAUSAL_LEARN),
+        Discoverer("kci", _from("independence", "by_kci"), "kernel conditional independence", *CAUSAL_LEARN),
     )
 }

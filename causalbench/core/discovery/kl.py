@@ -5,22 +5,25 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
-from causalbench.core.discovery.divergence import Divergence, divergence
 from causalbench.core.discovery.graph import StageGraph, declared_matrix
-from causalbench.core.discovery.reward_model import train_reward_models
 from causalbench.core.discovery.select import select_causal_actions
 from causalbench.core.discovery.settings import DiscoverySettings
 from causalbench.core.tasks.task import Task
 
 if TYPE_CHECKING:
     from causalbench.core.discovery.discoverers import StageProblem
+    from causalbench.core.discovery.divergence import Divergence
 
 
 def discover_stage(problem: StageProblem) -> StageGraph:
     """Fit the reward models of every (action, term) pair, compare them on D_inference and select."""
+    import torch  # here, so that a list of discoverers costs no import of torch
+
+    from causalbench.core.discovery.divergence import Divergence, divergence
+    from causalbench.core.discovery.reward_model import train_reward_models
+
     data, settings = problem.samples(), problem.settings
     models = train_reward_models(
         data.random,

@@ -82,18 +82,12 @@ def _stage_truth(
     rng = np.random.default_rng([seed, stage])
     walk = Walk(task, scene, stage, rng, SEQUENCE_LENGTH)
     k = len(task.actions)
-    # Row 0 is the action itself, row 1 the same once more, row 2 + i the action with a_i = 0.
     rewards = np.empty((states, k + 2, len(terms)))
     sequence = np.zeros(states, dtype=np.int64)
     for n in range(states):
-        action = walk.visit()
+        rewards[n] = walk.compare()
         sequence[n] = walk.sequence
-        tried = np.tile(action, (k + 2, 1))
-        tried[np.arange(2, k + 2), np.arange(k)] = 0.0
-        for row in range(1, k + 2):
-            rewards[n, row] = walk.reward_of(tried[row])
-        rewards[n, 0] = walk.take(action)
         on_progress((stage - 1 + (n + 1) / states) / task.n_stages, f"stage {stage}: oracle")
-    squares = (rewards[:, 1:] - rewards[:, :1]) ** 2
+    squares: NDArray[np.float64] = (rewards[:, 1:] - rewards[:, :1]) ** 2
     effect, low, high = effects(rewards[:, 0], squares, sequence, rng, CONFIDENCE)
     return StageTruth(stage, task.actions, terms, effect[1:], low[1:], high[1:], effect[0])

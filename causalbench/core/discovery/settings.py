@@ -26,7 +26,11 @@ class DiscoverySettings:
     epsilon_direct: float = 0.01
     n_placebos: int = 3  # action dimensions that no scene sees, probed like actions; 0 is the literal reading
     placebo_gate: float = 3.0  # an action counts only if its KL exceeds this times the largest placebo's
-    paired_env_steps: int = 2_000  # most control steps that `paired` takes in one stage
+    paired_env_steps: int = 1_250  # most control steps that `paired` takes in one stage
+    permutation_states: int = 100  # states of one stage in which `permutation` compares actions
+    level: float = 0.05  # of `permutation`, `fisher_z` and `kci`: chance of any false edge in a stage
+    cmi_threshold: float = 0.02  # nats
+    kci_samples: int = 1_000  # most samples that `kci` uses, since its cost is cubic
 
 
 PRESETS = {
