@@ -1,8 +1,8 @@
 """Discovery by conditional mutual information, after CausalMoMa (Hu, Stone, Martin-Martin 2023).
 
 CMI(a_k; r_j | s, a without a_k) = E[log p(r_j | s, a) - log p(r_j | s, a without a_k)], both models fitted on D_random
-alone and judged on D_inference; an action is a cause if it exceeds `cmi_threshold`. Models are those of `kl`, the
-deviation floored at `sigma_kl` for the same reason: a nearly deterministic simulator otherwise rewards fitting noise.
+alone and judged on D_inference; an action is a cause if it exceeds `cmi_threshold` and `placebo_gate` times the
+largest placebo's. The models, the floor of their deviation and the placebos are those of `kl`, for the same reasons.
 D_do is not read.
 """
 
@@ -27,8 +27,9 @@ def discover_stage(problem: StageProblem) -> StageGraph:
     terms, n_actions = task.stage_terms(stage, discoverable_only=True), len(task.actions)
     data = problem.samples()
     random, inference = data.random, data.inference
+    n_probed = random.actions.shape[1]  # actions, then placebos
     models = fit_reward_models(
-        [*(random.without(k) for k in range(n_actions)), random],
+        [*(random.without(k) for k in range(n_probed)), random],
         random,
         settings,
         problem.seed + stage,
@@ -40,9 +41,10 @@ def discover_stage(problem: StageProblem) -> StageGraph:
         sigma = log_sigma.double().exp().clamp_min(settings.sigma_kl)
         return (-0.5 * ((target - mean.double()) / sigma) ** 2 - sigma.log()).mean(-1)
 
-    full = likelihood(*models.predict(inference, n_actions))
-    without = torch.stack([likelihood(*models.predict(inference.without(k), k)) for k in range(n_actions)])
-    cmi = np.asarray(full - without)
+    full = likelihood(*models.predict(inference, n_probed))
+    without = torch.stack([likelihood(*models.predict(inference.without(k), k)) for k in range(n_probed)])
+    cmi, placebo = np.split(np.asarray(full - without), [n_actions])
+    least = np.fmax(settings.cmi_threshold, settings.placebo_gate * placebo.max(0, initial=0.0))
     testable = random.term_scale()[1]
-    matrix = np.where(testable, cmi > settings.cmi_threshold, declared_matrix(task, stage, terms))
+    matrix = np.where(testable, cmi > least, declared_matrix(task, stage, terms))
     return StageGraph(stage, task.actions, terms, matrix, testable=testable, evidence={"cmi": cmi})

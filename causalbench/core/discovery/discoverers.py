@@ -91,6 +91,6 @@ DISCOVERERS: Mapping[str, Discoverer] = {
         Discoverer("permutation", _from("permutation"), "permutation test on paired interventions"),
         Discoverer("cmi", _from("cmi"), "conditional mutual information (CausalMoMa)"),
         Discoverer("fisher_z", _from("independence", "by_fisher_z"), "partial correlation", *CAUSAL_LEARN),
-        Discoverer("kci", _from("independence", "by_kci"), "kernel conditional independence", *CAUSAL_LEARN),
+        Discoverer("kci", _from("independence", "by_kci"), "kernel independence test", *CAUSAL_LEARN),
     )
 }

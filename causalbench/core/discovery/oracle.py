@@ -88,6 +88,6 @@ def _stage_truth(
         rewards[n] = walk.compare()
         sequence[n] = walk.sequence
         on_progress((stage - 1 + (n + 1) / states) / task.n_stages, f"stage {stage}: oracle")
-    squares: NDArray[np.float64] = (rewards[:, 1:] - rewards[:, :1]) ** 2
+    squares = np.square(rewards[:, 1:] - rewards[:, :1])
     effect, low, high = effects(rewards[:, 0], squares, sequence, rng, CONFIDENCE)
     return StageTruth(stage, task.actions, terms, effect[1:], low[1:], high[1:], effect[0])

@@ -2,9 +2,9 @@
 
 In every visited state the drawn action is taken, taken again, and taken with each a_k at 0. If a_k causes nothing, its
 difference from the first and the repetition's can be exchanged, so the sum over states of D_k^2 - D_repeat^2 is
-compared with that under random signs. An edge is present if its one-sided p-value is below `level`, divided by the number of
-edges of the stage (Bonferroni). Where restoring is exact a repetition changes nothing, and the test asks only whether
-a few states showed any effect, however small: significance, where `paired` judges size.
+compared with that under random signs. An edge is present if its one-sided p-value is below `level`, divided by the
+number of edges of the stage (Bonferroni). Where restoring is exact a repetition changes nothing, and the test asks only
+whether a few states showed any effect, however small: significance, where `paired` judges size.
 """
 
 from __future__ import annotations
