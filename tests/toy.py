@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 
-from causalbench.core.batch import Batchable, BatchScene
+from causalbench.core.batch import Batchable, BatchScene, select
 from causalbench.core.layout import Layout, Workspace
 from causalbench.core.scene import Facts, Scene, SceneSpec
 from causalbench.core.tasks.task import Task, Term
@@ -60,19 +62,41 @@ class ToyBatch(BatchScene):
 
 
 class ToyScene(Scene, Batchable):
-    spec = SPEC
+    """One such world. With `noise` (m) a restored hand is that far off, and "exact_restore" is missing."""
+
+    def __init__(self, noise=0.0):
+        can = SPEC.capabilities if noise else SPEC.capabilities | {"exact_restore"}
+        self.spec = dataclasses.replace(SPEC, capabilities=can)
+        self.noise, self.rng = noise, np.random.default_rng(0)
+        self.world = ToyBatch(1)
 
     def batch(self, n):
         return ToyBatch(n)
 
     def reset(self, layout):
-        raise NotImplementedError
+        self.world.reset(0, layout)
 
-    step = facts = snapshot = restore = reset
+    def step(self, action):
+        self.world.step(action[None])
+
+    def facts(self):
+        return select(self.world.facts(), 0)
+
+    def snapshot(self):
+        return self.world.hand.tobytes() + self.world.stage.tobytes()
+
+    def restore(self, snapshot):
+        values = np.frombuffer(snapshot)
+        self.world.hand[0] = values[:3] + self.noise * self.rng.normal(size=3)
+        self.world.stage[0] = values[3]
 
 
 def make_toy() -> Scene:
     return ToyScene()
+
+
+def make_noisy_toy() -> Scene:
+    return ToyScene(noise=0.002)
 
 
 def _draw_layout(rng, workspace, max_opening, stage):
@@ -81,7 +105,7 @@ def _draw_layout(rng, workspace, max_opening, stage):
 
 
 def toy_task(rewards, n_terms: int) -> Task:
-    """`rewards(previous, action, now)` of a one-stage task with discoverable terms r_0, r_1, ..."""
+    """`rewards(previous, action, now)`, broadcasting, of a one-stage task with discoverable terms r_0, r_1, ..."""
     terms = tuple(Term(f"r_{j}", (1,), True, "") for j in range(n_terms))
     return Task(
         name="toy",
@@ -97,8 +121,8 @@ def toy_task(rewards, n_terms: int) -> Task:
         draw_layout=_draw_layout,
         state_bounds=lambda workspace: (-2 * np.ones(3), 2 * np.ones(3)),
         observe=lambda facts: facts.eef_position,
-        stage=lambda facts: np.ones(len(facts.eef_position), dtype=np.int64),
+        stage=lambda facts: np.ones(facts.gripper_opening.shape, dtype=np.int64),
         rewards=lambda previous, stage, action, now, next_stage: rewards(previous, action, now),
-        success=lambda stage, now: np.zeros(len(now.eef_position), dtype=bool),
+        success=lambda stage, now: np.zeros(now.gripper_opening.shape, dtype=bool),
         expert=lambda facts, spec: np.zeros(3),
     )

@@ -30,8 +30,8 @@ def _quiet(share, doing):
 
 def _planted(previous, action, now):
     """r_0 is caused by armx alone, r_1 by army and armz together, r_2 by armz where the hand is far right."""
-    x = previous.eef_position[:, 0]
-    return np.stack([action[:, 0], action[:, 1] * action[:, 2], np.where(x > 0.5, action[:, 2], 0.0)], axis=1)
+    x = previous.eef_position[..., 0]
+    return np.stack([action[..., 0], action[..., 1] * action[..., 2], np.where(x > 0.5, action[..., 2], 0.0)], axis=-1)
 
 
 @pytest.mark.parametrize("seed", [0, 1])

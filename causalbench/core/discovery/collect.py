@@ -40,6 +40,15 @@ class Samples:
         actions[:, k] = 0.0
         return replace(self, actions=actions)
 
+    def joined(self, other: Samples) -> Samples:
+        """These and then those of `other`, whose sequences are numbered on."""
+        columns = ((self.states, other.states), (self.actions, other.actions), (self.rewards, other.rewards))
+        states, actions, rewards = (np.concatenate(pair) for pair in columns)
+        sequence = np.concatenate([self.sequence, other.sequence + self.sequence[-1] + 1])
+        return Samples(
+            states, actions, rewards, sequence, self.env_steps + other.env_steps, self.refused + other.refused
+        )
+
     def first(self, count: int) -> Samples:
         """The first `count` samples, with the share of the steps that they took."""
         if count >= len(self):

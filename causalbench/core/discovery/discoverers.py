@@ -5,16 +5,16 @@ A plugin adds a row through `causalbench_discoverers`; `DiscoverySettings.discov
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 from causalbench.core.discovery.graph import StageGraph
-from causalbench.core.discovery.kl import discover_stage as by_kl
 from causalbench.core.discovery.settings import DiscoverySettings
 from causalbench.core.tasks.task import Task
 
-if TYPE_CHECKING:  # Gymnasium loads this table, so that it cannot need what needs Gymnasium
+if TYPE_CHECKING:  # importing Gymnasium loads this table, which thus must not need Gymnasium
     from causalbench.core.discovery.collect import Samples, StageSamples
     from causalbench.core.scene import Scene
 
@@ -70,9 +70,27 @@ class Discoverer:
     extra: str = ""
 
 
+def _from(module: str, function: str = "discover_stage") -> Callable[[StageProblem], StageGraph]:
+    """A function of a module beside this one, imported when it is called."""
+
+    def discover_stage(problem: StageProblem) -> StageGraph:
+        found = getattr(importlib.import_module(f"causalbench.core.discovery.{module}"), function)
+        graph: StageGraph = found(problem)
+        return graph
+
+    return discover_stage
+
+
+CAUSAL_LEARN = (("causallearn",), "causalbench-robotics[causal-learn]")
+
 DISCOVERERS: Mapping[str, Discoverer] = {
     row.name: row
     for row in (
-        Discoverer("kl", by_kl, "KL between reward models with and without the action (the paper, Algorithms 1 and 2)"),
+        Discoverer("kl", _from("kl"), "KL of reward models with and without the action (the paper)"),
+        Discoverer("paired", _from("paired"), "effect sizes from paired interventions, until each edge is decided"),
+        Discoverer("permutation", _from("permutation"), "permutation test on paired interventions"),
+        Discoverer("cmi", _from("cmi"), "conditional mutual information (CausalMoMa)"),
+        Discoverer("fisher_z", _from("independence", "by_fisher_z"), "partial correlation", *CAUSAL_LEARN),
+        Discoverer("kci", _from("independence", "by_kci"), "kernel independence test", *CAUSAL_LEARN),
     )
 }

@@ -14,6 +14,7 @@ from itertools import pairwise
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from causalbench.core.discovery.collect import Samples
@@ -58,17 +59,26 @@ def train_reward_models(
     Each pair keeps the weights of its best held-out likelihood; training ends when no pair has improved for
     `settings.patience` epochs (0: after `settings.max_epochs`, last weights kept, as in the paper).
     """
+    pairs = [random.joined(do) for random, do in data]
+    return fit_reward_models(pairs, data[0][0], settings, seed, on_progress)
+
+
+def fit_reward_models(
+    data: Sequence[Samples],
+    reference: Samples,
+    settings: DiscoverySettings,
+    seed: int,
+    on_progress: Callable[[float], None],
+) -> RewardModels:
+    """Models of every term on each of `data` (all of one length), rewards in deviations of the term in `reference`."""
     generator = torch.Generator().manual_seed(seed)
-    rewards_of_random = data[0][0].rewards
-    n_actions, n_terms = len(data), rewards_of_random.shape[1]
-    inputs = torch.stack([torch.cat([_inputs(random), _inputs(do)]) for random, do in data])  # (K, N, d)
+    n_actions, n_terms = len(data), reference.rewards.shape[1]
+    inputs = torch.stack([_inputs(samples) for samples in data])  # (K, N, d)
     mean = inputs.mean((0, 1))
     scale = inputs.std((0, 1))
     scale = torch.where(scale < 1e-6, torch.ones_like(scale), scale)
     inputs = (inputs - mean) / scale
-    centre, deviation = rewards_of_random.mean(0), data[0][0].term_scale()[0].astype(np.float32)
-    rewards = [np.concatenate([random.rewards, do.rewards]) for random, do in data]
-    targets = torch.from_numpy((np.stack(rewards) - centre) / deviation)  # (K, N, J)
+    targets = torch.stack([torch.from_numpy(scaled_rewards(samples, reference)) for samples in data])  # (K, N, J)
     targets = targets.permute(0, 2, 1).reshape(n_actions * n_terms, -1, 1)
 
     weights = _initial_weights(n_actions * n_terms, inputs.shape[2], generator)
@@ -105,6 +115,11 @@ def train_reward_models(
             break
     kept_weights = best_weights if settings.patience else [w.detach() for w in weights]
     return RewardModels(kept_weights, mean, scale, n_terms, log_sigma_min, epoch)
+
+
+def scaled_rewards(samples: Samples, reference: Samples) -> NDArray[np.float32]:
+    """(n, n_terms) rewards of `samples` about the mean and in deviations of `reference`."""
+    return (samples.rewards - reference.rewards.mean(0)) / reference.term_scale()[0].astype(np.float32)
 
 
 def _inputs(samples: Samples) -> Tensor:

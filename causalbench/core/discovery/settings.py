@@ -35,6 +35,11 @@ class DiscoverySettings:
     fdr: float = 0.05  # share of wrong edges among the selected ones that `select: fdr` allows
     oracle_states: int = 0  # visited states per stage by which an oracle grades and scores the graph; 0: no oracle
     placebo_gate: float = 3.0  # an action counts only if its KL exceeds this times the largest placebo's
+    paired_env_steps: int = 1_250  # most control steps that `paired` takes in one stage
+    permutation_states: int = 100  # states of one stage in which `permutation` compares actions
+    level: float = 0.05  # of `permutation`, `fisher_z` and `kci`: chance of any false edge in a stage
+    cmi_threshold: float = 0.02  # nats
+    kci_samples: int = 1_000  # most samples that `kci` uses, since its cost is cubic
 
     def __post_init__(self) -> None:
         if self.select == "fdr" and self.discoverer != "kl":
