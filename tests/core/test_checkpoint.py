@@ -40,7 +40,7 @@ class Kill(Exception):  # noqa: N818 - it stands for a SIGKILL
 class Outcome:
     """Everything that training leaves behind."""
 
-    weights: bytes
+    policy: bytes
     counts: str
     updates: dict[int, int]
     evaluations: list[Evaluation]
@@ -70,7 +70,8 @@ def run(backend, name, path=None, every=30, kill_at=None, settings=SETTINGS, see
         path and Checkpoints(path, every),
     )
     weights = torch.cat([w.detach().flatten() for actor in policy.actors for w in actor])
-    return Outcome(weights.numpy().tobytes(), str(dataclasses.asdict(counts)), counts.updates, seen)
+    policy_bytes = weights.numpy().tobytes() + policy.generator.get_state().numpy().tobytes()
+    return Outcome(policy_bytes, str(dataclasses.asdict(counts)), counts.updates, seen)
 
 
 @pytest.mark.parametrize(
