@@ -207,11 +207,10 @@ def test_kill_9_at_four_instants(
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("backend", ["kinematic", "gymrob", "pybullet"])
-def test_kill_9_at_twenty_instants(backend: str, tiny_suite: Path, command: list[str], tmp_path: Path) -> None:
+def test_kill_9_at_twenty_instants(tiny_suite: Path, command: list[str], tmp_path: Path) -> None:
     suite = tmp_path / "tiny.yaml"
-    text = tiny_suite.read_text().replace("env_steps: 120", "env_steps: 600").replace("every: 60", "every: 200")
-    text = text.replace("[kinematic]", f"[{backend}]").replace("[cmSAC, mSAC]", "[cmSAC, cSAC]")
+    text = tiny_suite.read_text().replace("env_steps: 120", "env_steps: 400").replace("every: 60", "every: 200")
+    text = text.replace("[kinematic]", "[kinematic, gymrob, pybullet]").replace("[cmSAC, mSAC]", "[cmSAC, cSAC]")
     suite.write_text(text)
     started = time.monotonic()
     subprocess.run([*command, *arguments(suite, tmp_path / "whole")], check=True, capture_output=True)
