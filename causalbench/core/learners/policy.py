@@ -78,8 +78,9 @@ class StagedPolicy:
             out[np.ix_(rows, self.actions[index])] = action.numpy()
         return (out[0] if single else out), state
 
-    def save(self, folder: Path) -> None:
+    def save(self, folder: Path | str) -> None:
         """Write `policy.safetensors` and `policy.json` into `folder`."""
+        folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
         tensors = {
             f"stage{i}.{k}": w.detach().contiguous() for i, a in enumerate(self.actors, 1) for k, w in enumerate(a)
