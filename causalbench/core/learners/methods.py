@@ -17,7 +17,7 @@ class Method:
     """
 
     name: str
-    learner: Literal["SAC"]
+    learner: Literal["SAC", "PPO"]
     action_space: Literal["causal", "full"]
     gradient: Literal["factored", "scalar"]
     matrix: Literal["discovered", "manual", "none"]
@@ -29,4 +29,7 @@ METHODS = (
     Method("cmmSAC", "SAC", "causal", "factored", "manual"),
     Method("mSAC", "SAC", "full", "scalar", "none"),
     Method("cSAC", "SAC", "full", "scalar", "none", cooperation=True),
+    Method("cmPPO", "PPO", "causal", "factored", "discovered"),
+    Method("cmmPPO", "PPO", "causal", "factored", "manual"),
+    Method("mPPO", "PPO", "full", "scalar", "none"),
 )

@@ -21,7 +21,8 @@ from causalbench.core.learners.learner import StagedLearner, below, prefixed
 from causalbench.core.learners.methods import Method
 from causalbench.core.learners.policy import ObservationScale, StagedPolicy
 from causalbench.core.learners.records import Evaluation, TrainingCounts
-from causalbench.core.learners.settings import EvaluationSettings, SACSettings
+from causalbench.core.learners.settings import EvaluationSettings, LearnerSettings
+from causalbench.core.learners.staged_ppo import StagedPPO
 from causalbench.core.learners.staged_sac import StagedSAC
 from causalbench.core.scene import Scene, SceneSpec
 from causalbench.core.tasks.task import Task
@@ -30,7 +31,7 @@ from causalbench.errors import DivergedError, InvalidGraphError
 
 LOG = logging.getLogger(__name__)
 
-LEARNERS: Mapping[str, Callable[..., StagedLearner]] = {"SAC": StagedSAC}
+LEARNERS: Mapping[str, Callable[..., StagedLearner]] = {"SAC": StagedSAC, "PPO": StagedPPO}
 """What a row of the method table calls its `learner`, made from (task, method, graph, scale, settings, seed)."""
 
 
@@ -39,7 +40,7 @@ def train(
     make_scene: Callable[[], Scene],
     method: Method,
     graph: CausalGraph | None,
-    settings: SACSettings,
+    settings: LearnerSettings,
     evaluation: EvaluationSettings,
     env_steps: int,
     seed: int,
@@ -85,7 +86,7 @@ def train(
         while counter.counts.env_steps < env_steps:
             before = counter.counts.env_steps
             actions = learner.act(obs)
-            obs_before, (obs, _, terminated, truncated, infos) = obs, env.step(actions)
+            obs_before, (obs, _, terminated, truncated, infos) = obs, env.step(actions.clip(-1.0, 1.0))
             over = terminated | truncated
             learner.remember(obs_before, actions, infos, over)
             counter.add(infos, over)
