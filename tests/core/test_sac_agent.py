@@ -269,6 +269,6 @@ def test_rows_and_terms_are_the_same_gradient_where_values_are_linear():
 
 
 def test_paper_preset_has_the_papers_numbers():
-    paper = PRESETS["paper"]
+    paper = PRESETS["SAC"]["paper"]
     assert (paper.gamma, paper.buffer_size, paper.train_every, paper.batch_size) == (0.99, 10_000, 1000, 512)
     assert (paper.learning_rate, paper.tau, paper.net_arch) == (5e-4, 0.005, (512, 512))
