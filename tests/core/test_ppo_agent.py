@@ -40,7 +40,7 @@ def _agent(mask, settings=SMALL, seed=3) -> PPOAgent:
 
 def _samples(agent: PPOAgent, seed: int = 0) -> Samples:
     g = torch.Generator().manual_seed(seed)
-    n_critics, n_actions = agent.mask.shape
+    n_critics = len(agent.mask)
     obs = torch.randn(N, N_OBS, generator=g)
     with torch.no_grad():
         mean, log_std = gaussian_actor_forward(agent.actor, obs)
@@ -139,7 +139,7 @@ def test_the_first_gradient_is_sb3s_in_any_number_of_dimensions():
 
 
 def test_gae_is_that_of_sb3s_rollout_buffer():
-    """With ends, time limits (SB3 adds their bootstrapped value to the reward) and an epoch that ends in mid-episode."""
+    """With ends, time limits (SB3 adds their bootstrapped value to the reward) and an epoch cut in mid-episode."""
     rng = np.random.default_rng(0)
     n_steps, n_envs = 40, 3
     gamma, gae_lambda = 0.97, 0.9

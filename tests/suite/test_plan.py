@@ -118,6 +118,16 @@ def test_overrides_apply_from_suite_to_backend_to_method_to_tier(tmp_path: Path,
             "discovery: {discoverer: klm}\nlearner: {gamma",
             "demo.yaml:9: discovery.discoverer: unknown discoverer 'klm'. Did you mean 'kl'?",
         ),
+        (
+            "tau: 0.01}",
+            "tau: 0.01,\n  clip_range: 0.1}",
+            "demo.yaml:10: learner.clip_range: a setting of PPO methods, and cmSAC, cmmSAC, mSAC are none",
+        ),
+        (
+            "tau: 0.01}",
+            "tau: 0.01}\nper_method:\n  mSAC: {learner: {PPO: {gamma: 0.5}}}",
+            "demo.yaml:11: per_method.mSAC.learner.PPO: a setting of PPO methods, and mSAC is none",
+        ),
         ("task: pure_m", "task: pur_m", "demo.yaml:3: task: unknown task 'pur_manipulation'. Did you mean"),
     ],
 )

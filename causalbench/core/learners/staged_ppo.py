@@ -1,4 +1,4 @@
-"""Proximal policy optimisation of all stages: one `PPOAgent` each, and the routing between them (paper, Algorithm 3)."""
+"""Proximal policy optimisation of all stages: one `PPOAgent` each, and the routing (paper, Algorithm 3)."""
 
 from __future__ import annotations
 
