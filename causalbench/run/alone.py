@@ -24,10 +24,6 @@ if TYPE_CHECKING:
     from causalbench.core.discovery.oracle import StageTruth
 
 
-ORACLE_STATES = 400
-"""Visited states per stage that `--oracle` judges by."""
-
-
 def discover_alone(
     task: str, backend: str, discoverer: str, preset: str, seed: int, oracle: bool, folder: Path, cores: int
 ) -> tuple[CausalGraph, tuple[StageTruth, ...] | None]:
@@ -50,7 +46,7 @@ def discover_alone(
     write_graph(folder, graph)
     if not oracle:
         return graph, None
-    from causalbench.core.discovery.oracle import consult_oracle
+    from causalbench.core.discovery.oracle import ORACLE_STATES, consult_oracle
     from causalbench.core.discovery.tables import oracle_table, score_table
 
     with _progress("oracle") as report:

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from causalbench.core.discovery.graph import CausalGraph, StageGraph, declared_matrix
 from causalbench.core.env import StageTaskEnv
 from causalbench.core.scene import Scene
 from causalbench.core.tasks.stages import judge
@@ -23,6 +24,7 @@ from causalbench.core.tasks.task import Task
 ABSENT_BELOW = 0.005  # upper bound of the interval
 STRONG_ABOVE = 0.05  # lower bound of the interval
 RESAMPLES = 2000
+ORACLE_STATES = 400  # visited states per stage
 CONFIDENCE = 0.95
 SEQUENCE_LENGTH = 10  # as in discovery, so that both speak of the same states
 
@@ -77,6 +79,19 @@ def consult_oracle(
         return tuple(_stage_truth(env, stage, states, seed, on_progress) for stage in range(1, task.n_stages + 1))
     finally:
         scene.close()
+
+
+def oracle_graph(task: Task, truth: tuple[StageTruth, ...], seed: int) -> CausalGraph:
+    """The strong edges as a graph, what a perfect discovery would find; `env_steps` is what asking took."""
+    stages = []
+    for stage in truth:
+        strong = np.array(stage.grades()) == Grade.strong
+        untestable = np.isnan(stage.effect).any(0)
+        matrix = np.where(untestable, declared_matrix(task, stage.stage, stage.terms), strong)
+        stages.append(StageGraph(stage.stage, task.actions, stage.terms, matrix))
+    env_steps = ORACLE_STATES * (len(task.actions) + 2) * task.n_stages
+    provenance = {"seed": seed, "states": ORACLE_STATES, "strong_above": STRONG_ABOVE}
+    return CausalGraph(task.name, task.version, "oracle", tuple(stages), env_steps, provenance)
 
 
 def _stage_truth(

@@ -12,7 +12,7 @@ import torch
 
 import causalbench
 from causalbench.core.batch import make_batch
-from causalbench.core.discovery.graph import CausalGraph, manual_graph
+from causalbench.core.discovery.graph import CausalGraph
 from causalbench.core.env import StageTaskEnv
 from causalbench.core.learners.checkpoint import Checkpoints, load_checkpoint, save_checkpoint
 from causalbench.core.learners.counting import Counter
@@ -24,10 +24,11 @@ from causalbench.core.learners.records import Evaluation, TrainingCounts
 from causalbench.core.learners.settings import EvaluationSettings, LearnerSettings
 from causalbench.core.learners.staged_ppo import StagedPPO
 from causalbench.core.learners.staged_sac import StagedSAC
+from causalbench.core.learners.training_graph import training_graph
 from causalbench.core.scene import Scene, SceneSpec
 from causalbench.core.tasks.task import Task
 from causalbench.core.vector_env import StageTaskVectorEnv
-from causalbench.errors import DivergedError, InvalidGraphError
+from causalbench.errors import DivergedError
 
 LOG = logging.getLogger(__name__)
 
@@ -61,7 +62,7 @@ def train(
     Raises `InvalidGraphError` for a missing or wrong graph, `CheckpointError` for a checkpoint that is not this
     run's, and `DivergedError` for a loss that explodes or is not finite.
     """
-    graph = _graph_of(task, method, graph)
+    graph = training_graph(task, method, graph, make_scene, seed)
     env = StageTaskVectorEnv(task, make_batch(make_scene, settings.n_envs), settings.observe_gripper)
     judge_env = StageTaskEnv(task, make_scene(), observe_gripper=settings.observe_gripper)
     try:
@@ -118,7 +119,7 @@ def train(
 
 
 def _identity(
-    task: Task, spec: SceneSpec, method: Method, graph: CausalGraph | None, settings: SACSettings,
+    task: Task, spec: SceneSpec, method: Method, graph: CausalGraph | None, settings: LearnerSettings,
     evaluation: EvaluationSettings, env_steps: int, seed: int,
 ) -> dict[str, Any]:  # fmt: skip
     """What two runs must share for one to continue the other, bit for bit, as JSON data."""
@@ -133,14 +134,3 @@ def _identity(
         "seed": seed,
         "versions": {"causalbench": causalbench.__version__, "numpy": np.__version__, "torch": torch.__version__},
     }
-
-
-def _graph_of(task: Task, method: Method, graph: CausalGraph | None) -> CausalGraph | None:
-    if method.matrix == "none":
-        return None
-    if method.matrix == "manual":
-        return manual_graph(task)
-    if graph is None:
-        raise InvalidGraphError(f"method {method.name!r} needs a discovered causal graph of {task.name}, got none")
-    graph.check(task)
-    return graph
