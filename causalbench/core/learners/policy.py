@@ -93,8 +93,10 @@ class StagedPolicy:
     def save(self, folder: Path) -> None:
         """Write `policy.safetensors` and `policy.json` into `folder`."""
         folder.mkdir(parents=True, exist_ok=True)
-        tensors = {
-            f"stage{i}.{k}": w.detach().contiguous() for i, a in enumerate(self.actors, 1) for k, w in enumerate(a)
+        tensors = {  # clones, since the file has no place for stages that share an actor
+            f"stage{i}.{k}": w.detach().clone(memory_format=torch.contiguous_format)
+            for i, actor in enumerate(self.actors, 1)
+            for k, w in enumerate(actor)
         }
         save_file(tensors, folder / "policy.safetensors")
         meta = {

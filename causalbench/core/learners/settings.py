@@ -32,7 +32,7 @@ class PPOSettings:
     """Settings of `StagedPPO`, per stage agent. The defaults are the quick tier's; most are stable-baselines3's."""
 
     net_arch: tuple[int, ...] = (64, 64)
-    n_steps: int = 1_000  # env steps in an epoch, of all worlds together (Algorithm 3, `n_step`)
+    n_steps: int = 1_024  # env steps in an epoch, of all worlds together (Algorithm 3, `n_step`)
     n_epochs: int = 10  # passes over an epoch's samples
     batch_size: int = 64  # also the fewest samples a stage trains on; fewer wait for the next epoch
     learning_rate: float = 3e-4

@@ -66,6 +66,10 @@ def train(
     env = StageTaskVectorEnv(task, make_batch(make_scene, settings.n_envs), settings.observe_gripper)
     judge_env = StageTaskEnv(task, make_scene(), observe_gripper=settings.observe_gripper)
     try:
+        if method.stock:
+            from causalbench.core.learners.stock import train_stock  # SB3 takes a second to import
+
+            return train_stock(env, judge_env, settings, evaluation, env_steps, seed, on_evaluation, on_progress)
         scale = ObservationScale.of(env.single_observation_space)
         learner = LEARNERS[method.learner](task, method, graph, scale, settings, seed)
         counter = Counter(task.n_stages, env.num_envs)
