@@ -13,13 +13,14 @@ from causalbench.core.discovery.graph import manual_graph
 from causalbench.core.learners.checkpoint import Checkpoints
 from causalbench.core.learners.methods import METHODS
 from causalbench.core.learners.records import Evaluation
-from causalbench.core.learners.settings import EvaluationSettings, SACSettings
+from causalbench.core.learners.settings import EvaluationSettings, PPOSettings, SACSettings
 from causalbench.core.learners.training import train
 from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench.plugins import installed
 
 METHOD = {method.name: method for method in METHODS}
 SETTINGS = SACSettings(net_arch=(8, 8), batch_size=16, learning_starts=16, train_every=4, n_envs=2)
+SMALL_PPO = PPOSettings(net_arch=(8, 8), batch_size=16, n_steps=80, n_epochs=2, n_envs=2)
 LOOKS = EvaluationSettings(every=100, episodes=1, final_episodes=1)
 STEPS = 300
 
@@ -46,7 +47,7 @@ class Outcome:
     evaluations: list[Evaluation]
 
 
-def run(backend, name, path=None, every=30, kill_at=None, settings=SETTINGS, seed=0):
+def run(backend, name, path=None, every=30, kill_at=None, settings=None, seed=0):
     """Train on the stripes, with a `Kill` after `kill_at` steps of this call."""
     seen, steps = [], 0
 
@@ -61,7 +62,7 @@ def run(backend, name, path=None, every=30, kill_at=None, settings=SETTINGS, see
         installed().backend(backend).make,
         METHOD[name],
         manual_graph(STRIPES),
-        settings,
+        settings or {"SAC": SETTINGS, "PPO": SMALL_PPO}[METHOD[name].learner],
         LOOKS,
         STEPS,
         seed,
@@ -74,7 +75,14 @@ def run(backend, name, path=None, every=30, kill_at=None, settings=SETTINGS, see
 
 
 @pytest.mark.parametrize(
-    ("backend", "name"), [("kinematic", "cmmSAC"), ("kinematic", "cSAC"), ("gymrob", "cSAC"), ("pybullet", "cmmSAC")]
+    ("backend", "name"),
+    [
+        ("kinematic", "cmmSAC"),
+        ("kinematic", "cSAC"),
+        ("kinematic", "cmmPPO"),
+        ("gymrob", "cSAC"),
+        ("pybullet", "cmmSAC"),
+    ],
 )
 def test_stopped_anywhere_and_repeated_gives_the_same_bits(backend, name, tmp_path):
     """Checkpoints fall in mid-episode, kills before, between and right after them; every stage has trained."""

@@ -118,8 +118,8 @@ def make_stock(settings: LearnerSettings, env: SummedRewardEnv, seed: int) -> SA
 def exported_actor(model: SAC | PPO) -> list[Tensor]:
     """The actor's weights in the layout of `StagedPolicy`: "squashed" for SAC, "gaussian" for PPO."""
     if isinstance(model, SAC):
-        heads = (model.actor.mu, model.actor.log_std)
-        last = [torch.cat([h.weight for h in heads]).T, torch.cat([h.bias for h in heads])]  # type: ignore[union-attr]
+        mu, log_std = _layers(model.actor.mu), _layers(model.actor.log_std)  # type: ignore[arg-type]
+        last = [torch.cat(pair, -1) for pair in zip(mu, log_std, strict=True)]
         return [w.detach().contiguous() for w in (*_layers(model.actor.latent_pi), *last)]
     policy = model.policy
     weights = [*_layers(policy.mlp_extractor.policy_net), *_layers(policy.action_net), policy.log_std]
@@ -166,7 +166,9 @@ def show(model: SAC | PPO, policy: StagedPolicy) -> None:
     """Put the model's newest weights into `policy`, the same for every stage. Raises `DivergedError`."""
     actor = exported_actor(model)
     if not all(bool(torch.isfinite(w).all()) for w in actor):
-        raise DivergedError(f"weights are not finite after {_updates(model)} updates")
+        raise DivergedError(
+            f"env step {model.num_timesteps}, a weight of the policy is not finite after {_updates(model)} updates"
+        )
     policy.actors = [actor] * len(policy.actors)
 
 
