@@ -166,6 +166,10 @@ def make_plan(
         for method_name in methods:
             location = ("methods", suite.methods.index(method_name))
             method = _named(file, location, lambda: plugins.method(method_name))  # noqa: B023
+            if method.learner not in LEARNER.learners:
+                raise file.source.mistake(
+                    location, f"its learner {method.learner!r} is none of {', '.join(LEARNER.learners)}"
+                )
             for seed in chosen_seeds:
                 cell = _learner_cell(file, tier, tier_name, identity, backend, method, seed)
                 if cell.discovery:
