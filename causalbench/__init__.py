@@ -12,18 +12,18 @@ from typing import TYPE_CHECKING, Any
 from causalbench.registration import register_with_gymnasium
 
 if TYPE_CHECKING:
-    from causalbench.core.discovery.pipeline import discover as discover
+    from causalbench.api import discover as discover
+    from causalbench.api import train as train
     from causalbench.core.learners.policy import load_policy as load_policy
-    from causalbench.core.learners.training import train as train
     from causalbench.registration import make_env as make_env
 
 __version__ = "0.1.0"
 
 _HOME = {
-    "discover": "causalbench.core.discovery.pipeline",
+    "discover": "causalbench.api",
     "load_policy": "causalbench.core.learners.policy",
     "make_env": "causalbench.registration",
-    "train": "causalbench.core.learners.training",
+    "train": "causalbench.api",
 }
 
 

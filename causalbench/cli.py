@@ -71,6 +71,7 @@ def run(
     checkpoint_every: Annotated[
         int, typer.Option(min=1, help="Environment steps after which a learner keeps what a killed run continues from.")
     ] = 2_000,
+    tensorboard: Annotated[bool, typer.Option(help="Also write each cell's curves for TensorBoard.")] = False,
     as_json: AsJson = False,
     quiet: Annotated[bool, typer.Option(help="Show no progress.")] = False,
 ) -> None:
@@ -80,10 +81,15 @@ def run(
         os.environ.setdefault(name, "1")
     from causalbench.run.cell import Keeping
     from causalbench.run.session import Execution
+    from causalbench.run.tensorboard import summary_writer
 
+    if tensorboard:
+        summary_writer()  # says at once if it is missing
     plan, folder, file = _plan(suite, tier, seeds, only, out)
     seconds = None if timeout is None else 60 * timeout
-    execution = Execution(executor.value, jobs or _cores(), seconds, retry_failed, Keeping(checkpoint_every))
+    execution = Execution(
+        executor.value, jobs or _cores(), seconds, retry_failed, Keeping(checkpoint_every, tensorboard)
+    )
     try:
         _execute(plan, folder, file, execution, quiet or as_json)
     except KeyboardInterrupt:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import importlib.util
 import sys
 from collections.abc import Sequence
@@ -79,4 +80,7 @@ def make_env(
 
     plugins = installed()
     chosen = plugins.task(task)
-    return StageTaskEnv(chosen, plugins.backend(backend).make(**backend_options), render_mode, observe_gripper)
+    make_scene = functools.partial(plugins.backend(backend).make, **backend_options)
+    env = StageTaskEnv(chosen, make_scene(), render_mode, observe_gripper)
+    env.make_scene = make_scene
+    return env

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import gymnasium as gym
@@ -112,8 +112,11 @@ class StageTaskEnv(gym.Env[Observation, NDArray[np.float32]]):
 
     metadata = {"render_modes": ["rgb_array"]}  # noqa: RUF012 - Gymnasium declares it as an instance variable
 
+    make_scene: Callable[[], Scene] | None = None
+    """Makes another scene like this one's; `make_env` sets it, and `causalbench.train` needs it."""
+
     def __init__(self, task: Task, scene: Scene, render_mode: str | None = None, observe_gripper: bool = True) -> None:
-        self.task, self.scene, self.render_mode = task, scene, render_mode
+        self.task, self.scene, self.render_mode, self.observe_gripper = task, scene, render_mode, observe_gripper
         self._columns = action_columns(task, scene.spec)
         self._full_action = np.zeros(len(scene.spec.actions))
         self.metadata = self.metadata | {"render_fps": round(1 / scene.spec.control_dt)}

@@ -85,7 +85,7 @@ def _result_row(cell: StoredCell, evaluations: list[Evaluation], counts: Counts)
     # Worlds that step together may pass the budget by a few steps.
     steps, success = [min(e.env_steps, budget) for e in evaluations], [e.success_deterministic for e in evaluations]
     return _keys(cell) | {
-        "env_steps": budget,
+        "env_steps": counts.env_steps,
         "discovery_env_steps": counts.discovery_env_steps,
         "episodes": final.episodes,
         "success_deterministic": final.success_deterministic,

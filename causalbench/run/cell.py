@@ -16,6 +16,7 @@ from causalbench.core.scene import Scene
 from causalbench.core.tasks.task import Task
 from causalbench.errors import CausalbenchError, DivergedError
 from causalbench.plugins import installed
+from causalbench.run.tensorboard import Board
 from causalbench.store.cells import CHECKPOINT, DATA, LOG, RunFolder, State, Status
 from causalbench.store.files import write_folder, write_text
 from causalbench.store.records import write_counts, write_progress
@@ -43,6 +44,7 @@ class Keeping:
     """What a learner cell keeps beside its results, none of which it changes."""
 
     checkpoint_every: int = 2_000  # env steps
+    tensorboard: bool = False
 
 
 def run_cell(cell: Cell, run: RunFolder, on_progress: OnProgress, keeping: Keeping, cores: int = 1) -> Status:
@@ -131,7 +133,7 @@ def _learn(cell: LearnerCell, folder: Path, run: RunFolder, on_progress: OnProgr
 
     task = installed().task(cell.task.name)
     graph = _graph(cell, task, run)
-    watcher = _Watcher(folder, on_progress)
+    watcher = _Watcher(folder, on_progress, keeping.tensorboard)
     policy, counts = train(
         task,
         scene_factory(cell.backend),
@@ -145,6 +147,7 @@ def _learn(cell: LearnerCell, folder: Path, run: RunFolder, on_progress: OnProgr
         watcher.on_progress,
         Checkpoints(folder / CHECKPOINT, keeping.checkpoint_every),
     )
+    watcher.close()
     write_counts(folder / "counts.json", counts, graph)
     write_folder(folder / "policy", policy.save)
     return counts.env_steps
@@ -166,8 +169,9 @@ def _graph(cell: LearnerCell, task: Task, run: RunFolder) -> CausalGraph | None:
 class _Watcher:
     """Keeps the evaluations of one training run on disk and its latest figures in view."""
 
-    def __init__(self, folder: Path, on_progress: OnProgress) -> None:
+    def __init__(self, folder: Path, on_progress: OnProgress, tensorboard: bool) -> None:
         self.folder, self.report = folder, on_progress
+        self.board = Board(folder / "tensorboard") if tensorboard else None
         self.evaluations: list[Evaluation] = []
         self.success: float | None = None
         self.reversals: float | None = None
@@ -176,6 +180,8 @@ class _Watcher:
         """Write the evaluation to `progress.csv` and log it."""
         self.evaluations.append(evaluation)
         write_progress(self.folder / "progress.csv", self.evaluations)
+        if self.board:
+            self.board.add(evaluation)
         self.success = evaluation.success_deterministic
         self.reversals = 1000 * counts.reversals / max(counts.env_steps, 1)
         LOGGER.info(
@@ -185,3 +191,8 @@ class _Watcher:
     def on_progress(self, fraction: float, text: str) -> None:
         """Hand on how far training is."""
         self.report(Progress(fraction, text, self.success, self.reversals))
+
+    def close(self) -> None:
+        """End the TensorBoard files, if there are any."""
+        if self.board:
+            self.board.close()

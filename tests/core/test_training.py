@@ -26,7 +26,7 @@ from causalbench.core.learners.staged_sac import StagedSAC
 from causalbench.core.learners.training import train
 from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench.core.vector_env import StageTaskVectorEnv
-from causalbench.errors import InvalidGraphError, UserError
+from causalbench.errors import DivergedError, InvalidGraphError, UserError
 
 METHOD = {method.name: method for method in METHODS}
 TINY = SACSettings(net_arch=(8, 8), batch_size=16, learning_starts=40, n_envs=4)
@@ -81,6 +81,30 @@ def test_a_discovered_graph_is_needed_and_checked():
     wrong = dataclasses.replace(graph, task_version=7)
     with pytest.raises(InvalidGraphError, match="not pure_manipulation v0"):
         train(TASK, make, METHOD["cmSAC"], wrong, TINY, ONE_LOOK, 10, 0, *silent)
+
+
+@pytest.mark.parametrize(("budget", "taken"), [(10, 12), (12, 12)])
+def test_a_budget_is_rounded_up_to_whole_steps_of_all_worlds_and_counted_exactly(budget, taken):
+    _, counts, seen = _train("mSAC", env_steps=budget)
+    assert counts.env_steps == counts.transitions.sum() == taken
+    assert [e.env_steps for e in seen] == [taken]
+
+
+def test_a_stage_that_was_never_reached_is_reported_and_not_trained(caplog):
+    caplog.set_level("INFO", "causalbench")
+    settings = dataclasses.replace(TINY, learning_starts=0)  # even then there is nothing to train on
+    _, counts, _ = _train("mSAC", settings=settings)
+    unreached = [stage for stage, episodes in counts.reached.items() if episodes == 0]
+    assert 4 in unreached
+    assert [counts.updates[stage] for stage in unreached] == [0] * len(unreached)
+    assert f"never reached, so not trained: stages {unreached}" in caplog.text
+
+
+@pytest.mark.parametrize("name", ["cmmSAC", "cSAC"])
+def test_exploding_losses_name_step_and_stage(name):
+    settings = dataclasses.replace(TINY, learning_rate=1e30)
+    with pytest.raises(DivergedError, match=r"env step \d+, stage 1: .* after \d+ updates$"):
+        _train(name, settings=settings)
 
 
 def _learner(name="cmmSAC", **changes):

@@ -122,3 +122,21 @@ def test_one_seed_gives_one_trajectory(make_vector):
     for _ in range(30):
         actions = expert(first)
         np.testing.assert_array_equal(first.step(actions)[0]["state"], second.step(actions)[0]["state"])
+
+
+def test_a_state_goes_on_in_another_vector_environment(make_vector):
+    """Batched or not: the snapshots are the scene's."""
+    first, second = make_vector(True), make_vector(False)
+    first.reset(seed=7)
+    for _ in range(20):
+        first.step(expert(first))
+    before = first._observer(first._facts, first._stage)
+    obs = second.load_state(first.state())
+    for key, value in before.items():
+        np.testing.assert_array_equal(obs[key], value)
+    for _ in range(20):
+        actions = expert(first)
+        a, b = first.step(actions), second.step(actions)
+        np.testing.assert_allclose(a[0]["state"], b[0]["state"], atol=1e-6)
+    for one, other in zip(first._rngs, second._rngs, strict=True):
+        assert one.random() == other.random()

@@ -3,21 +3,39 @@
 from __future__ import annotations
 
 import csv
+import hashlib
 import json
 import os
 import random
+import re
 import shutil
 import signal
 import subprocess
+import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
+
+from causalbench.plugins import installed
+from causalbench.run.cell import Keeping, run_cell
+from causalbench.store.cells import RunFolder
+from causalbench.suite.plan import LearnerCell, make_plan
+from causalbench.suite.schema import load_suite
 
 RESULT_FILES = ("results.csv", "curves.csv", "returns.csv", "stages.csv", "discovery.csv", "leaderboard.csv")
 
 
+TIMED = ("status.json", "log.txt")
+"""The files of a cell that hold times."""
+
+
 def results(run: Path) -> dict[str, bytes]:
-    return {name: (run / name).read_bytes() for name in RESULT_FILES}
+    """Every file of a run that holds a result: the tables, and all of each cell but its times."""
+    paths = [run / name for name in RESULT_FILES]
+    paths += [path for kind in ("cells", "discovery") for path in run.glob(f"{kind}/**/*") if path.is_file()]
+    return {str(path.relative_to(run)): path.read_bytes() for path in sorted(paths) if path.name not in TIMED}
 
 
 def rows(path: Path) -> list[dict[str, str]]:
@@ -134,31 +152,44 @@ def test_ctrl_c_leaves_no_failed_cell_and_no_process(tiny_suite: Path, command: 
     assert "failed" not in states(out).values()
 
 
-def kill_at_instants(n: int, timed_run: tuple[Path, float], suite: Path, command: list[str], folder: Path) -> None:
-    """Kill the command at `n` seeded instants; what it then ends with must be the files of the uninterrupted run."""
-    whole, span = timed_run
+def kill_at_instants(n: int, whole: Path, span: float, suite: Path, command: list[str], folder: Path) -> int:
+    """Kill the command at `n` seeded instants; what it then ends with must be the files of the uninterrupted run.
+
+    Returns how often a cell continued from a checkpoint; `kills.log` in `folder` has what was done.
+    """
     rng = random.Random(20_240)
-    kills, attempt = 0, 0
+    kills, attempt, continued = 0, 0, 0
+
+    def note(line: str) -> None:
+        with (folder / "kills.log").open("a") as file:
+            file.write(line + "\n")
+
     while kills < n:
         out = folder / f"run{attempt}"
         attempt += 1
         while True:
-            process = subprocess.Popen(
-                [*command, *arguments(suite, out)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-            )
+            call = [*command, *arguments(suite, out), "--checkpoint-every", "20"]
+            process = subprocess.Popen(call, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
             if kills == n:
                 assert process.wait() == 0
                 break
+            instant = rng.uniform(0.0, span)
             try:
-                if process.wait(timeout=rng.uniform(0.0, span)) == 0:
+                if process.wait(timeout=instant) == 0:
                     break
             except subprocess.TimeoutExpired:
                 process.send_signal(signal.SIGKILL)
                 process.wait()
                 kills += 1
+                note(f"{out.name}: kill {kills} after {instant:.2f} s, cells {sorted(states(out).values())}")
             check_whole(out)
         assert results(out) == results(whole)
         assert set(states(out).values()) == {"done"}
+        logs = [path.read_text() for path in out.glob("cells/*/log.txt")]
+        steps = [line.rpartition(" ")[2] for text in logs for line in text.splitlines() if "continued from" in line]
+        continued += len(steps)
+        note(f"{out.name}: same bytes; cells continued at env steps {', '.join(steps) or 'none'}")
+    return continued
 
 
 def check_whole(out: Path) -> None:
@@ -172,11 +203,69 @@ def check_whole(out: Path) -> None:
 def test_kill_9_at_four_instants(
     timed_run: tuple[Path, float], tiny_suite: Path, command: list[str], tmp_path: Path
 ) -> None:
-    kill_at_instants(4, timed_run, tiny_suite, command, tmp_path)
+    kill_at_instants(4, *timed_run, tiny_suite, command, tmp_path)
 
 
 @pytest.mark.long
-def test_kill_9_at_twenty_instants(
-    timed_run: tuple[Path, float], tiny_suite: Path, command: list[str], tmp_path: Path
+def test_kill_9_at_twenty_instants(tiny_suite: Path, command: list[str], tmp_path: Path) -> None:
+    suite = tmp_path / "tiny.yaml"
+    text = tiny_suite.read_text().replace("env_steps: 120", "env_steps: 400").replace("every: 60", "every: 200")
+    text = text.replace("[kinematic]", "[kinematic, gymrob, pybullet]").replace("[cmSAC, mSAC]", "[cmSAC, cSAC]")
+    suite.write_text(text)
+    started = time.monotonic()
+    subprocess.run([*command, *arguments(suite, tmp_path / "whole")], check=True, capture_output=True)
+    span = time.monotonic() - started
+    assert kill_at_instants(20, tmp_path / "whole", span, suite, command, tmp_path) > 5
+
+
+def _rewritten(change: Callable[[dict[str, Any]], object]) -> Callable[[str], str]:
+    """A change of a graph whose hash is right again afterwards, as of a graph for another task."""
+
+    def rewrite(text: str) -> str:
+        content = json.loads(text)
+        change(content)
+        del content["hash"]
+        canonical = json.dumps(content, sort_keys=True)
+        return json.dumps(content | {"hash": hashlib.sha256(canonical.encode()).hexdigest()[:16]})
+
+    return rewrite
+
+
+@pytest.mark.parametrize(
+    ("edit", "message"),
+    [
+        (lambda text: text.replace('"env_steps": ', '"env_steps": 1'), "differs from the recorded"),
+        (_rewritten(lambda g: g["stages"][1]["actions"].reverse()), "stage 2: actions or terms differ from the task's"),
+        (_rewritten(lambda g: g["stages"][2].update(matrix=[[False] * 2] * 7)), "stage 3: no action causes any reward"),
+    ],
+    ids=["hash", "action names", "empty action set"],
+)
+def test_a_graph_that_does_not_fit_ends_the_cell_with_a_sentence(
+    edit: Callable[[str], str], message: str, finished_run: Path, tiny_suite: Path, tmp_path: Path
 ) -> None:
-    kill_at_instants(20, timed_run, tiny_suite, command, tmp_path)
+    run = RunFolder(tmp_path / "run")
+    shutil.copytree(finished_run, run.path)
+    plan = make_plan(load_suite(tiny_suite), "smoke", installed())
+    cell = next(cell for cell in plan.cells if isinstance(cell, LearnerCell) and cell.method.name == "cmSAC")
+    path = run.folder(cell.discovery) / "graph.json"
+    path.write_text(edit(path.read_text()))
+    run.start(cell)
+    status = run_cell(cell, run, lambda progress: None, Keeping())
+    assert status.state == "failed"
+    assert message in status.reason
+    assert "Traceback" not in status.reason
+
+
+def test_exploding_losses_end_the_cell_as_diverged_with_its_last_good_checkpoint(
+    tiny_suite: Path, command: list[str], tmp_path: Path
+) -> None:
+    suite = tmp_path / "tiny.yaml"
+    suite.write_text(tiny_suite.read_text().replace("learning_starts: 20", "learning_starts: 70, learning_rate: 1e30"))
+    call = [*command, *arguments(suite, tmp_path / "run"), "--only", "method=mSAC", "--checkpoint-every", "20"]
+    assert subprocess.run(call, capture_output=True).returncode == 1
+    status = json.loads(next(tmp_path.glob("run/cells/*/status.json")).read_text())
+    kept = next(tmp_path.glob("run/cells/*/checkpoint.safetensors"))
+    assert status["state"] == "diverged"
+    assert re.fullmatch(
+        r"env step \d+, stage 1: .* after \d+ updates; last good checkpoint, of step 100: (.*)", status["reason"]
+    ).group(1) == str(kept)

@@ -90,8 +90,9 @@ class StagedPolicy:
             return squashed_sample(mean, log_std, noise)[0]
         return (mean + log_std.exp() * noise).clamp(-1.0, 1.0)
 
-    def save(self, folder: Path) -> None:
+    def save(self, folder: Path | str) -> None:
         """Write `policy.safetensors` and `policy.json` into `folder`."""
+        folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
         tensors = {  # clones, since the file has no place for stages that share an actor
             f"stage{i}.{k}": w.detach().clone(memory_format=torch.contiguous_format)

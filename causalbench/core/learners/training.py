@@ -88,6 +88,7 @@ def train(
                 LOG.info("continued from the checkpoint at step %d", counter.counts.env_steps)
                 for earlier in history:
                     on_evaluation(earlier, counter.counts)
+        saved = counter.counts.env_steps  # of the last checkpoint
         while counter.counts.env_steps < env_steps:
             before = counter.counts.env_steps
             actions = learner.act(obs)
@@ -99,7 +100,7 @@ def train(
             try:
                 learner.train()
             except DivergedError as error:
-                kept = f"; last checkpoint: {checkpoints.path}" if checkpoints and checkpoints.path.exists() else ""
+                kept = f"; last good checkpoint, of step {saved}: {checkpoints.path}" if checkpoints and saved else ""
                 raise DivergedError(f"env step {taken}, {error}{kept}") from error
             on_progress(min(1.0, taken / env_steps), f"stage {int(obs['stage'].max()) + 1}")
             final = taken >= env_steps
@@ -113,6 +114,7 @@ def train(
                 state |= prefixed("counter", counter.state())
                 state["evaluations"] = [dataclasses.asdict(record) for record in history]
                 save_checkpoint(checkpoints.path, state, identity)
+                saved = taken
         unreached = [stage for stage, episodes in counter.counts.reached.items() if not episodes]
         if unreached:
             LOG.info("never reached, so not trained: stages %s", unreached)
