@@ -63,10 +63,9 @@ def train(
 ) -> Trained:
     """Train `method` on `env`'s task, in scenes of its own like that of `env` (paper, Algorithm 3).
 
-    `graph` is what a method with a discovered matrix needs; the policy observes what `env` does; without `settings`
-    they are the quick tier's. With the file
-    `checkpoint`, a call that was killed goes on there when it is repeated. Raises as `core.learners.training.train`,
-    and `UserError` unless `make_env` made `env`.
+    `graph` is what a method with a discovered matrix needs; `settings` are the quick tier's if None; the policy
+    observes what `env` does. With the file `checkpoint`, a call that was killed goes on there when it is repeated.
+    Raises as `core.learners.training.train`, and `UserError` unless `make_env` made `env`.
     """
     task, make_scene, observe_gripper = _parts(env)
     chosen = installed().method(method)

@@ -107,6 +107,11 @@ def test_exploding_losses_name_step_and_stage(name):
         _train(name, settings=settings)
 
 
+def test_settings_of_the_other_learner_are_refused():
+    with pytest.raises(UserError, match="method 'mPPO' takes PPOSettings, got SACSettings"):
+        train(TASK, make, METHOD["mPPO"], None, TINY, ONE_LOOK, 10, 0, lambda *a: None, lambda *a: None)
+
+
 def _learner(name="cmmSAC", **changes):
     settings = dataclasses.replace(TINY, **changes)
     env = StageTaskVectorEnv(TASK, make_batch(make, settings.n_envs))

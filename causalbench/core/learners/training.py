@@ -21,14 +21,14 @@ from causalbench.core.learners.learner import StagedLearner, below, prefixed
 from causalbench.core.learners.methods import Method
 from causalbench.core.learners.policy import ObservationScale, StagedPolicy
 from causalbench.core.learners.records import Evaluation, TrainingCounts
-from causalbench.core.learners.settings import EvaluationSettings, LearnerSettings
+from causalbench.core.learners.settings import PRESETS, EvaluationSettings, LearnerSettings
 from causalbench.core.learners.staged_ppo import StagedPPO
 from causalbench.core.learners.staged_sac import StagedSAC
 from causalbench.core.learners.training_graph import training_graph
 from causalbench.core.scene import Scene, SceneSpec
 from causalbench.core.tasks.task import Task
 from causalbench.core.vector_env import StageTaskVectorEnv
-from causalbench.errors import DivergedError
+from causalbench.errors import DivergedError, UserError
 
 LOG = logging.getLogger(__name__)
 
@@ -60,8 +60,11 @@ def train(
     "exact_restore" starts again instead.
 
     Raises `InvalidGraphError` for a missing or wrong graph, `CheckpointError` for a checkpoint that is not this
-    run's, and `DivergedError` for a loss that explodes or is not finite.
+    run's, `UserError` for settings of another learner, and `DivergedError` for a loss that explodes or is not finite.
     """
+    expected = type(PRESETS[method.learner]["quick"])
+    if not isinstance(settings, expected):
+        raise UserError(f"method {method.name!r} takes {expected.__name__}, got {type(settings).__name__}")
     graph = training_graph(task, method, graph, make_scene, seed)
     env = StageTaskVectorEnv(task, make_batch(make_scene, settings.n_envs), settings.observe_gripper)
     judge_env = StageTaskEnv(task, make_scene(), observe_gripper=settings.observe_gripper)
@@ -69,6 +72,8 @@ def train(
         if method.stock:
             from causalbench.core.learners.stock import train_stock  # SB3 takes a second to import
 
+            if checkpoints:
+                LOG.info("stable-baselines3's own agents keep no checkpoints")
             return train_stock(env, judge_env, settings, evaluation, env_steps, seed, on_evaluation, on_progress)
         scale = ObservationScale.of(env.single_observation_space)
         learner = LEARNERS[method.learner](task, method, graph, scale, settings, seed)
