@@ -6,7 +6,7 @@ import functools
 import logging
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -133,21 +133,20 @@ def _learn(cell: LearnerCell, folder: Path, run: RunFolder, on_progress: OnProgr
 
     task = installed().task(cell.task.name)
     graph = _graph(cell, task, run)
-    watcher = _Watcher(folder, on_progress, keeping.tensorboard)
-    policy, counts = train(
-        task,
-        scene_factory(cell.backend),
-        cell.method,
-        graph,
-        cell.learner,
-        cell.evaluation,
-        cell.env_steps,
-        cell.seed,
-        watcher.on_evaluation,
-        watcher.on_progress,
-        Checkpoints(folder / CHECKPOINT, keeping.checkpoint_every),
-    )
-    watcher.close()
+    with closing(_Watcher(folder, on_progress, keeping.tensorboard)) as watcher:
+        policy, counts = train(
+            task,
+            scene_factory(cell.backend),
+            cell.method,
+            graph,
+            cell.learner,
+            cell.evaluation,
+            cell.env_steps,
+            cell.seed,
+            watcher.on_evaluation,
+            watcher.on_progress,
+            Checkpoints(folder / CHECKPOINT, keeping.checkpoint_every),
+        )
     write_counts(folder / "counts.json", counts, graph)
     write_folder(folder / "policy", policy.save)
     return counts.env_steps
