@@ -17,7 +17,7 @@ from causalbench.core.learners import training
 from causalbench.core.learners.checkpoint import Checkpoints
 from causalbench.core.learners.policy import StagedPolicy
 from causalbench.core.learners.records import Evaluation, TrainingCounts
-from causalbench.core.learners.settings import EvaluationSettings, SACSettings
+from causalbench.core.learners.settings import PRESETS, EvaluationSettings, LearnerSettings
 from causalbench.core.scene import Scene
 from causalbench.core.tasks.task import Task
 from causalbench.errors import UserError
@@ -56,23 +56,25 @@ def train(
     graph: CausalGraph | None = None,
     env_steps: int = 20_000,
     seed: int = 0,
-    settings: SACSettings = SACSettings(),  # noqa: B008 - frozen
+    settings: LearnerSettings | None = None,
     evaluation: EvaluationSettings = EvaluationSettings(),  # noqa: B008 - frozen
     checkpoint: Path | str | None = None,
     on_progress: Callable[[float, str], None] = _silent,
 ) -> Trained:
     """Train `method` on `env`'s task, in scenes of its own like that of `env` (paper, Algorithm 3).
 
-    `graph` is what a method with a discovered matrix needs; the policy observes what `env` does. With the file
-    `checkpoint`, a call that was killed goes on there when it is repeated. Raises as `core.learners.training.train`,
-    and `UserError` unless `make_env` made `env`.
+    `graph` is what a method with a discovered matrix needs; `settings` are the quick tier's if None; the policy
+    observes what `env` does. With the file `checkpoint`, a call that was killed goes on there when it is repeated.
+    Raises as `core.learners.training.train`, and `UserError` unless `make_env` made `env`.
     """
     task, make_scene, observe_gripper = _parts(env)
+    chosen = installed().method(method)
+    settings = settings or PRESETS[chosen.learner]["quick"]
     evaluations: list[Evaluation] = []
     policy, counts = training.train(
         task,
         make_scene,
-        installed().method(method),
+        chosen,
         graph,
         dataclasses.replace(settings, observe_gripper=observe_gripper),
         evaluation,

@@ -12,6 +12,8 @@ from pathlib import Path
 
 import pytest
 
+from causalbench.core.learners.methods import METHODS
+
 
 @pytest.fixture
 def call(command: list[str], tmp_path: Path) -> Callable[..., subprocess.CompletedProcess[str]]:
@@ -43,8 +45,9 @@ def test_a_mistake_in_the_suite_is_one_line_and_exit_code_2(call: Callable, tiny
     bad.write_text(tiny_suite.read_text().replace("mSAC]", "mmSAC]"))
     done = call("run", bad, "--tier", "smoke")
     assert (done.returncode, done.stdout) == (2, "")
+    known = ", ".join(sorted(method.name for method in METHODS))
     assert done.stderr == (
-        f"error: {bad}:5: methods.1: unknown method 'mmSAC'. Did you mean 'cmmSAC'? Known: cSAC, cmSAC, cmmSAC, mSAC.\n"
+        f"error: {bad}:5: methods.1: unknown method 'mmSAC'. Did you mean 'cmmSAC'? Known: {known}.\n"
     )
 
 

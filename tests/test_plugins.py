@@ -83,7 +83,9 @@ def test_unknown_names_get_the_nearest_one_and_what_exists() -> None:
     plugins = load_plugins()
     with pytest.raises(UnknownNameError, match=r"unknown backend 'kinematics'. Did you mean 'kinematic'\?"):
         plugins.backend("kinematics")
-    with pytest.raises(UnknownNameError, match=r"unknown method 'cmmmSAC'. Did you mean 'cmmSAC'\? Known: cSAC, "):
+    with pytest.raises(
+        UnknownNameError, match=r"unknown method 'cmmmSAC'. Did you mean 'cmmSAC'\? Known: PPO, SAC, cSAC, "
+    ):
         plugins.method("cmmmSAC")
     with pytest.raises(UnknownNameError, match=r"unknown task \'flying\'\. Known: pure_manipulation\."):
         plugins.task("flying")

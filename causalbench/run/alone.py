@@ -24,10 +24,6 @@ if TYPE_CHECKING:
     from causalbench.core.discovery.oracle import StageTruth
 
 
-ORACLE_STATES = 400
-"""Visited states per stage that `--oracle` judges by."""
-
-
 def discover_alone(
     task: str, backend: str, settings: DiscoverySettings, seed: int, oracle: bool, folder: Path, cores: int
 ) -> tuple[CausalGraph, tuple[StageTruth, ...] | None]:
@@ -51,6 +47,8 @@ def discover_alone(
     write_graph(folder, graph, human)
     if not oracle:
         return graph, None
+    from causalbench.core.discovery.oracle import ORACLE_STATES
+
     with _progress("oracle") as report:
         graph, truth = judge_graph(graph, chosen_task, make_scene, ORACLE_STATES, seed, folder, report)
     write_graph(folder, graph, human)

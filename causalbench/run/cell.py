@@ -163,13 +163,15 @@ def _learn(cell: LearnerCell, folder: Path, run: RunFolder, on_progress: OnProgr
 
 
 def _graph(cell: LearnerCell, task: Task, run: RunFolder) -> CausalGraph | None:
-    if cell.method.matrix == "none":
-        return None
-    if cell.discovery is None:
-        return manual_graph(task)
-    path = run.folder(cell.discovery) / "graph.json"
-    graph = CausalGraph.from_json(path.read_text(encoding="utf-8"), path)
-    graph.check(task)
+    from causalbench.core.learners.training_graph import training_graph
+
+    found = None
+    if cell.discovery is not None:
+        path = run.folder(cell.discovery) / "graph.json"
+        found = CausalGraph.from_json(path.read_text(encoding="utf-8"), path)
+    graph = training_graph(task, cell.method, found, scene_factory(cell.backend), cell.seed)
+    if graph is not None and graph.origin in ("oracle", "control"):
+        write_text(run.folder(cell) / "graph.json", graph.to_json() + "\n")
     return graph
 
 

@@ -14,12 +14,12 @@ from typing import Any, ClassVar
 import causalbench
 from causalbench.core.discovery.settings import DiscoverySettings
 from causalbench.core.learners.methods import Method
-from causalbench.core.learners.settings import EvaluationSettings, SACSettings
+from causalbench.core.learners.settings import EvaluationSettings, LearnerSettings
 from causalbench.errors import SuiteError, UnknownNameError, UserError
 from causalbench.hookspecs import Backend
 from causalbench.plugins import Plugins
 from causalbench.suite.positions import Location
-from causalbench.suite.schema import DISCOVERY, EVALUATION, LEARNER, PerBackend, PerMethod, SuiteFile, Tier
+from causalbench.suite.schema import DISCOVERY, EVALUATION, LEARNER, PerBackend, PerMethod, Suite, SuiteFile, Tier
 
 OWN_GRAPH_TIER = "full"
 """In this tier each seed discovers its own graph, since a shared one makes seeds dependent; else seed 0's is shared."""
@@ -77,7 +77,7 @@ class LearnerCell:
     method: Method
     seed: int
     env_steps: int
-    learner: SACSettings
+    learner: LearnerSettings
     evaluation: EvaluationSettings
     discovery: DiscoveryCell | None
 
@@ -155,6 +155,7 @@ def make_plan(
     chosen_seeds = _choose("seed", range(seeds or tier.seeds), selection.seed)
     backends = _choose("backend", suite.backends, selection.backend)
     methods = _choose("method", suite.methods, selection.method)
+    _check_learners(file, plugins)
     task = _named(file, ("task",), lambda: plugins.task(suite.task))
     identity = TaskIdentity(task.name, task.version, dict(task.constants))
     cells: dict[str, Cell] = {}
@@ -165,6 +166,10 @@ def make_plan(
         for method_name in methods:
             location = ("methods", suite.methods.index(method_name))
             method = _named(file, location, lambda: plugins.method(method_name))  # noqa: B023
+            if method.learner not in LEARNER.learners:
+                raise file.source.mistake(
+                    location, f"its learner {method.learner!r} is none of {', '.join(LEARNER.learners)}"
+                )
             for seed in chosen_seeds:
                 cell = _learner_cell(file, tier, tier_name, identity, backend, method, seed)
                 if cell.discovery:
@@ -203,6 +208,32 @@ def _check_discoverer(file: SuiteFile, tier: Tier, tier_name: str, backend: str,
             return
 
 
+def _check_learners(file: SuiteFile, plugins: Plugins) -> None:
+    """Refuse a learner setting that none of the methods it stands for has: it would do nothing, without a word."""
+    suite = file.suite
+    learners = {name: plugins.methods[name].learner for name in suite.methods if name in plugins.methods}
+    names = list(learners)
+    layers: list[tuple[Location, Tier | PerBackend | PerMethod | Suite, Sequence[str]]] = [
+        ((), suite, names),
+        *((("tiers", name), tier, names) for name, tier in suite.tiers.items()),
+        *((("per_backend", name), layer, names) for name, layer in suite.per_backend.items()),
+        *(
+            (("per_method", name), layer, [name] if name in learners else [])
+            for name, layer in suite.per_method.items()
+        ),
+    ]
+    for location, layer, methods in layers:
+        reached = {learners[name] for name in methods}
+        for key in layer.learner:
+            owners = LEARNER.owners(key)
+            if reached and reached.isdisjoint(owners):
+                raise file.source.mistake(
+                    (*location, "learner", key),
+                    f"a setting of {' and '.join(owners)} methods, and {', '.join(methods)} "
+                    f"{'is' if len(methods) == 1 else 'are'} none; leave it out, or add such a method",
+                )
+
+
 def _identify(backend: Backend, plugins: Plugins, file: SuiteFile) -> BackendIdentity:
     per_backend = file.suite.per_backend.get(backend.name, PerBackend())
     return BackendIdentity(
@@ -236,7 +267,7 @@ def _learner_cell(
         method,
         seed,
         tier.env_steps,
-        LEARNER.resolve([layer.learner for layer in layers]),
+        LEARNER.resolve(method.learner, [layer.learner for layer in layers]),
         EVALUATION.resolve([layer.evaluation for layer in layers]),
         discovery,
     )

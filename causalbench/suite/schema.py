@@ -15,17 +15,17 @@ from pydantic_core import CoreSchema, ErrorDetails, core_schema
 
 from causalbench.core.discovery import settings as discovery_settings
 from causalbench.core.discovery.settings import DiscoverySettings
-from causalbench.core.learners import settings as learner_settings
-from causalbench.core.learners.settings import EvaluationSettings, SACSettings
+from causalbench.core.learners.settings import PRESETS, EvaluationSettings, PPOSettings, SACSettings
 from causalbench.suite.positions import Location, PositionedYaml
 
 TierName = Literal["smoke", "quick", "full"]
 TIERS: tuple[str, ...] = get_args(TierName)
 
 MAY_BE_ZERO = {"patience", "learning_starts", "sequence_length", "n_placebos", "oracle_states", "placebo_gate",
-               "sigma_train", "sigma_kl", "epsilon_cv", "epsilon_normalize", "epsilon_direct",
-               "cooperation_weight"}  # fmt: skip
-"""Settings that may be 0; every other number in a settings record must be positive."""
+               "sigma_train", "sigma_kl", "epsilon_cv", "epsilon_normalize", "epsilon_direct", "cooperation_weight",
+               "gae_lambda", "advantage_floor", "ent_coef", "vf_coef"}  # fmt: skip
+"""Settings that may be 0; every other number in a settings record must be positive, but these:"""
+ANY_SIGN = {"log_std_init"}
 
 
 @dataclass(frozen=True)
@@ -45,6 +45,10 @@ class Patch:
 
     def __get_pydantic_core_schema__(self, source: Any, handler: pydantic.GetCoreSchemaHandler) -> CoreSchema:
         """A typed dict, none of whose keys is required."""
+        return core_schema.typed_dict_schema(self.fields(handler), extra_behavior="forbid")
+
+    def fields(self, handler: pydantic.GetCoreSchemaHandler) -> dict[str, core_schema.TypedDictField]:
+        """The schema of every key."""
         fields = {
             name: core_schema.typed_dict_field(handler.generate_schema(_bounded(name, hint)), required=False)
             for name, hint in get_type_hints(self.settings).items()
@@ -52,7 +56,7 @@ class Patch:
         if self.presets:
             names = core_schema.literal_schema(list(self.presets))
             fields["preset"] = core_schema.typed_dict_field(names, required=False)
-        return core_schema.typed_dict_schema(fields, extra_behavior="forbid")
+        return fields
 
     def resolve(self, patches: Iterable[Mapping[str, Any]]) -> Any:
         """The settings after `patches`, the last one winning; they start from the last preset that is named."""
@@ -63,16 +67,51 @@ class Patch:
         return dataclasses.replace(preset or self.settings(), **merged)
 
 
+@dataclass(frozen=True)
+class LearnerPatch:
+    """Marks a `learner` mapping: each key goes to every learner that has it; a section `SAC` or `PPO` to that one.
+
+    Keys of a section win over those beside it.
+    """
+
+    learners: Mapping[str, Patch] = dataclasses.field(hash=False)
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Every key that the mapping may have."""
+        return (*dict.fromkeys(key for patch in self.learners.values() for key in patch.keys), *self.learners)
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: pydantic.GetCoreSchemaHandler) -> CoreSchema:
+        """A typed dict, none of whose keys is required."""
+        fields: dict[str, core_schema.TypedDictField] = {}
+        for patch in self.learners.values():
+            fields |= patch.fields(handler)
+        for name, patch in self.learners.items():
+            section = core_schema.typed_dict_schema(patch.fields(handler), extra_behavior="forbid")
+            fields[name] = core_schema.typed_dict_field(section, required=False)
+        return core_schema.typed_dict_schema(fields, extra_behavior="forbid")
+
+    def resolve(self, learner: str, patches: Iterable[Mapping[str, Any]]) -> Any:
+        """The settings of `learner` after `patches`; see `Patch.resolve`."""
+        own = self.learners[learner]
+        parts = [({k: v for k, v in patch.items() if k in own.keys}, patch.get(learner, {})) for patch in patches]
+        return own.resolve(part for pair in parts for part in pair)
+
+    def owners(self, key: str) -> tuple[str, ...]:
+        """The learners that a key of the mapping reaches."""
+        return tuple(name for name, patch in self.learners.items() if key == name or key in patch.keys)
+
+
 def _bounded(name: str, hint: Any) -> Any:
-    if hint not in (int, float):
+    if hint not in (int, float) or name in ANY_SIGN:
         return hint
     return Annotated[hint, Field(ge=0) if name in MAY_BE_ZERO else Field(gt=0)]
 
 
-LEARNER = Patch(SACSettings, learner_settings.PRESETS)
+LEARNER = LearnerPatch({"SAC": Patch(SACSettings, PRESETS["SAC"]), "PPO": Patch(PPOSettings, PRESETS["PPO"])})
 EVALUATION = Patch(EvaluationSettings)
 DISCOVERY = Patch(DiscoverySettings, discovery_settings.PRESETS)
-PATCHES = {"learner": LEARNER, "evaluation": EVALUATION, "discovery": DISCOVERY}
+PATCHES: Mapping[str, Patch | LearnerPatch] = {"learner": LEARNER, "evaluation": EVALUATION, "discovery": DISCOVERY}
 
 
 class _Model(BaseModel):
@@ -170,13 +209,23 @@ def _explain(error: ErrorDetails) -> str:
 
 
 def _presets(location: Location) -> tuple[str, ...]:
-    return tuple(PATCHES[str(location[-2])].presets) if location[-1] == "preset" else ()
+    if location[-1] != "preset":
+        return ()
+    patch = _patch(location[:-1])
+    return tuple((LEARNER.learners["SAC"] if isinstance(patch, LearnerPatch) else patch).presets) if patch else ()
+
+
+def _patch(location: Location) -> Patch | LearnerPatch | None:
+    """What the mapping at `location` is checked against, None for one of the suite's own."""
+    if len(location) > 1 and location[-2] == "learner":
+        return LEARNER.learners[str(location[-1])]
+    return PATCHES.get(str(location[-1])) if location else None
 
 
 def _known_keys(parent: Location) -> tuple[str, ...]:
     """The keys that may stand below `parent`."""
-    if parent and parent[-1] in PATCHES:
-        return PATCHES[str(parent[-1])].keys
+    if patch := _patch(parent):
+        return patch.keys
     below: dict[str, type[_Model]] = {"tiers": Tier, "per_method": PerMethod, "per_backend": PerBackend}
     model = below[str(parent[0])] if parent else Suite
     return tuple(field.alias or name for name, field in model.model_fields.items())

@@ -19,14 +19,17 @@ from causalbench.core.kinematic import KinematicScene
 from causalbench.core.learners.checkpoint import Checkpoints, load_checkpoint, save_checkpoint
 from causalbench.core.learners.methods import METHODS
 from causalbench.core.learners.records import Evaluation
-from causalbench.core.learners.settings import EvaluationSettings, SACSettings
+from causalbench.core.learners.settings import EvaluationSettings, PPOSettings, SACSettings
 from causalbench.core.learners.training import train
 from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench.errors import CheckpointError
 from causalbench.plugins import installed
 
 METHOD = {method.name: method for method in METHODS}
-SETTINGS = SACSettings(net_arch=(8, 8), batch_size=16, learning_starts=16, train_every=4, n_envs=2)
+SETTINGS = {
+    "SAC": SACSettings(net_arch=(8, 8), batch_size=16, learning_starts=16, train_every=4, n_envs=2),
+    "PPO": PPOSettings(net_arch=(8, 8), batch_size=16, n_steps=80, n_epochs=2, n_envs=2),
+}
 LOOKS = EvaluationSettings(every=100, episodes=1, final_episodes=1)
 STEPS = 300
 
@@ -68,7 +71,7 @@ def run(backend, name, path=None, kill_at=None, make_scene=None, **changes):
         make_scene or installed().backend(backend).make,
         METHOD[name],
         manual_graph(STRIPES),
-        dataclasses.replace(SETTINGS, **changes),
+        dataclasses.replace(SETTINGS[METHOD[name].learner], **changes),
         LOOKS,
         STEPS,
         seed,
@@ -82,7 +85,14 @@ def run(backend, name, path=None, kill_at=None, make_scene=None, **changes):
 
 
 @pytest.mark.parametrize(
-    ("backend", "name"), [("kinematic", "cmmSAC"), ("kinematic", "cSAC"), ("gymrob", "cSAC"), ("pybullet", "cmmSAC")]
+    ("backend", "name"),
+    [
+        ("kinematic", "cmmSAC"),
+        ("kinematic", "cSAC"),
+        ("kinematic", "cmmPPO"),
+        ("gymrob", "cSAC"),
+        ("pybullet", "cmmSAC"),
+    ],
 )
 def test_stopped_anywhere_and_repeated_gives_the_same_bits(backend, name, tmp_path):
     """Checkpoints fall in mid-episode, kills before, between and right after them; every stage has trained."""

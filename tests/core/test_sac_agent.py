@@ -12,7 +12,7 @@ from stable_baselines3.common.type_aliases import ReplayBufferSamples
 
 from causalbench.core.discovery.graph import manual_graph
 from causalbench.core.learners.causal_gradient import StagePlan, stage_plan, training_matrix
-from causalbench.core.learners.methods import METHODS
+from causalbench.core.learners.methods import METHODS, PAPER
 from causalbench.core.learners.replay import Batch, StageBuffer
 from causalbench.core.learners.sac_agent import SACAgent
 from causalbench.core.learners.settings import PRESETS, SACSettings
@@ -236,7 +236,7 @@ def test_buffer_is_first_in_first_out():
     assert set(drawn.obs[:, 0].tolist()) == {2, 3, 4, 5}
 
 
-@pytest.mark.parametrize("name", [method.name for method in METHODS])
+@pytest.mark.parametrize("name", [method.name for method in PAPER])
 @pytest.mark.parametrize("stage", [1, 2, 3, 4])
 def test_plans_of_the_method_table(name, stage):
     method = METHOD[name]
@@ -269,6 +269,6 @@ def test_rows_and_terms_are_the_same_gradient_where_values_are_linear():
 
 
 def test_paper_preset_has_the_papers_numbers():
-    paper = PRESETS["paper"]
+    paper = PRESETS["SAC"]["paper"]
     assert (paper.gamma, paper.buffer_size, paper.train_every, paper.batch_size) == (0.99, 10_000, 1000, 512)
     assert (paper.learning_rate, paper.tau, paper.net_arch) == (5e-4, 0.005, (512, 512))

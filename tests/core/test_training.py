@@ -1,5 +1,6 @@
 """Training as a whole: routing, determinism, counts, policies."""
 
+import copy
 import dataclasses
 import subprocess
 import sys
@@ -17,9 +18,10 @@ from causalbench.core.env import StageTaskEnv
 from causalbench.core.kinematic import KinematicScene, make
 from causalbench.core.learners.counting import Counter
 from causalbench.core.learners.evaluate import evaluate
-from causalbench.core.learners.methods import METHODS
+from causalbench.core.learners.methods import METHODS, PAPER
 from causalbench.core.learners.policy import ObservationScale, StagedPolicy, load_policy
-from causalbench.core.learners.settings import EvaluationSettings, SACSettings
+from causalbench.core.learners.settings import EvaluationSettings, PPOSettings, SACSettings
+from causalbench.core.learners.staged_ppo import StagedPPO
 from causalbench.core.learners.staged_sac import StagedSAC
 from causalbench.core.learners.training import train
 from causalbench.core.tasks.pure_manipulation import TASK
@@ -28,10 +30,11 @@ from causalbench.errors import DivergedError, InvalidGraphError, UserError
 
 METHOD = {method.name: method for method in METHODS}
 TINY = SACSettings(net_arch=(8, 8), batch_size=16, learning_starts=40, n_envs=4)
+TINY_PPO = PPOSettings(net_arch=(8, 8), batch_size=16, n_steps=64, n_envs=4)
 ONE_LOOK = EvaluationSettings(every=200, episodes=1, final_episodes=2)
 
 
-def _train(name, seed=0, env_steps=400, settings=TINY, make_scene=make):
+def _train(name, seed=0, env_steps=400, settings=None, make_scene=make):
     seen = []
     graph = manual_graph(TASK) if METHOD[name].matrix == "discovered" else None
     policy, counts = train(
@@ -39,7 +42,7 @@ def _train(name, seed=0, env_steps=400, settings=TINY, make_scene=make):
         make_scene,
         METHOD[name],
         graph,
-        settings,
+        settings or {"SAC": TINY, "PPO": TINY_PPO}[METHOD[name].learner],
         ONE_LOOK,
         env_steps,
         seed,
@@ -49,7 +52,7 @@ def _train(name, seed=0, env_steps=400, settings=TINY, make_scene=make):
     return policy, counts, seen
 
 
-@pytest.mark.parametrize("name", list(METHOD))
+@pytest.mark.parametrize("name", [method.name for method in PAPER])
 def test_every_method_trains_and_is_a_function_of_its_seed(name):
     (policy, counts, seen), (again, counts_again, seen_again), (other, _, _) = (_train(name, s) for s in (0, 0, 1))
     assert seen == seen_again
@@ -104,6 +107,11 @@ def test_exploding_losses_name_step_and_stage(name):
         _train(name, settings=settings)
 
 
+def test_settings_of_the_other_learner_are_refused():
+    with pytest.raises(UserError, match="method 'mPPO' takes PPOSettings, got SACSettings"):
+        train(TASK, make, METHOD["mPPO"], None, TINY, ONE_LOOK, 10, 0, lambda *a: None, lambda *a: None)
+
+
 def _learner(name="cmmSAC", **changes):
     settings = dataclasses.replace(TINY, **changes)
     env = StageTaskVectorEnv(TASK, make_batch(make, settings.n_envs))
@@ -141,7 +149,8 @@ def test_actions_that_are_not_causal_are_executed_as_zero():
         "gripper": rng.uniform(0, 0.1, (n, 1)).astype(np.float32),
         "stage": np.arange(n) % 4,
     }
-    for actions in (learner.act(obs), learner.policy.predict(obs)[0]):
+    ppo = StagedPPO(TASK, METHOD["cmmPPO"], manual_graph(TASK), learner.scale, TINY_PPO, 0)
+    for actions in (learner.act(obs), learner.policy.predict(obs)[0], ppo.act(obs), ppo.policy.predict(obs)[0]):
         for stage, own in ((1, "armx army armz grip"), (2, "armrx armry armrz grip"), (3, "armz grip"), (4, "grip")):
             moved = (actions[obs["stage"] == stage - 1] != 0).any(0)
             assert [a for a, m in zip(TASK.actions, moved, strict=True) if m] == own.split()
@@ -162,6 +171,33 @@ def test_a_stage_trains_only_on_new_samples_of_its_own():
     # The 19 samples before `learning_starts` do not count as new: 8 new ones are there at step 27 and 35.
     assert stage_1 == [0] * 26 + [4] * 8 + [8] * 6
     assert all(updates[1:] == [0, 0, 0] for updates in history)
+
+
+def test_ppo_trains_at_the_end_of_an_epoch_and_goes_on_from_its_state():
+    """Two learners, one made anew from the other's state in mid-epoch, end with the same weights."""
+    env = StageTaskVectorEnv(TASK, make_batch(make, TINY_PPO.n_envs))
+    scale = ObservationScale.of(env.single_observation_space)
+    first, second = (StagedPPO(TASK, METHOD["cmmPPO"], manual_graph(TASK), scale, TINY_PPO, s) for s in (0, 1))
+    obs, _ = env.reset(seed=0)
+    history = []
+    learners = [first]
+    for step in range(40):
+        actions = [learner.act(obs) for learner in learners]
+        np.testing.assert_array_equal(actions[0], actions[-1])
+        next_obs, _, terminated, truncated, infos = env.step(actions[0].clip(-1, 1))
+        for learner in learners:
+            learner.remember(obs, actions[0], infos, terminated | truncated)
+            learner.train()
+        obs = next_obs
+        history.append(first.updates()[1])
+        if step == 20:
+            second.load_state({name: copy.deepcopy(value) for name, value in first.state().items()})
+            learners.append(second)
+    # 64 samples are 16 steps of 4 worlds, 10 passes of 4 batches.
+    assert history[:32] == [0] * 15 + [40] * 16 + [80]
+    assert first.updates() == second.updates()
+    for one, two in zip(first.policy.actors, second.policy.actors, strict=True):
+        assert all(torch.equal(w, v) for w, v in zip(one, two, strict=True))
 
 
 def _infos(stage, next_stage, success=False):
@@ -223,8 +259,9 @@ def test_without_success_there_is_no_held_rate():
     assert found.mean_length == TASK.horizon
 
 
-def test_policy_round_trip_and_sb3s_own_evaluation(tmp_path):
-    policy, _, _ = _train("cmmSAC")
+@pytest.mark.parametrize("name", ["cmmSAC", "cmmPPO"])
+def test_policy_round_trip_and_sb3s_own_evaluation(name, tmp_path):
+    policy, _, _ = _train(name)
     policy.save(tmp_path / "policy")
     loaded = load_policy(tmp_path / "policy")
     env = StageTaskEnv(TASK, KinematicScene())

@@ -93,6 +93,13 @@ def test_everything_that_determines_a_result_is_in_the_id(tmp_path: Path, plugin
     assert dataclasses.replace(cell, **{field: other[field]}).id != cell.id
 
 
+def test_a_method_whose_learner_does_not_exist_is_named(tmp_path: Path, plugins: Plugins) -> None:
+    strange = dataclasses.replace(plugins.method("mSAC"), name="mTD3", learner="TD3")
+    with_it = dataclasses.replace(plugins, methods=plugins.methods | {"mTD3": strange})
+    with pytest.raises(SuiteError, match=r"demo.yaml:5: methods.2: its learner 'TD3' is none of SAC, PPO"):
+        plan(tmp_path, with_it, SUITE.replace(", mSAC]", ", mTD3]"))
+
+
 def test_overrides_apply_from_suite_to_backend_to_method_to_tier(tmp_path: Path, plugins: Plugins) -> None:
     text = SUITE.replace("env_steps: 1000}\n  full", "env_steps: 1000, learner: {tau: 0.4}}\n  full") + (
         "per_backend:\n  kinematic: {learner: {gamma: 0.2, tau: 0.2, batch_size: 32}, evaluation: {every: 7}}\n"
@@ -117,6 +124,16 @@ def test_overrides_apply_from_suite_to_backend_to_method_to_tier(tmp_path: Path,
             "learner: {gamma",
             "discovery: {discoverer: klm}\nlearner: {gamma",
             "demo.yaml:9: discovery.discoverer: unknown discoverer 'klm'. Did you mean 'kl'?",
+        ),
+        (
+            "tau: 0.01}",
+            "tau: 0.01,\n  clip_range: 0.1}",
+            "demo.yaml:10: learner.clip_range: a setting of PPO methods, and cmSAC, cmmSAC, mSAC are none",
+        ),
+        (
+            "tau: 0.01}",
+            "tau: 0.01}\nper_method:\n  mSAC: {learner: {PPO: {gamma: 0.5}}}",
+            "demo.yaml:11: per_method.mSAC.learner.PPO: a setting of PPO methods, and mSAC is none",
         ),
         ("task: pure_m", "task: pur_m", "demo.yaml:3: task: unknown task 'pur_manipulation'. Did you mean"),
     ],

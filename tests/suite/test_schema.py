@@ -26,6 +26,7 @@ discovery:
 learner:
   preset: quick
   learning_rate: 1e-3
+  PPO: {n_epochs: 4, log_std_init: -1}
 per_method:
   mSAC:
     learner: {gamma: 0.9}
@@ -41,7 +42,8 @@ def write(folder: Path, text: str) -> Path:
 def test_a_good_file_keeps_what_it_says_in_the_types_of_core(tmp_path: Path) -> None:
     suite = load_suite(write(tmp_path, GOOD)).suite
     assert suite.tiers["quick"].env_steps == 20_000
-    assert suite.learner == {"preset": "quick", "learning_rate": 0.001}  # YAML reads 1e-3 as text
+    ppo = {"n_epochs": 4, "log_std_init": -1.0}
+    assert suite.learner == {"preset": "quick", "learning_rate": 0.001, "PPO": ppo}  # YAML reads 1e-3 as text
     assert suite.per_method["mSAC"].learner == {"gamma": 0.9}
 
 
@@ -56,8 +58,11 @@ def test_the_shipped_suites_are_valid() -> None:
         ("learning_rate:", "learning_rte:", 16, "learner.learning_rte: unknown key. Did you mean 'learning_rate'?"),
         ("evaluation:", "evalution:", 10, "evalution: unknown key. Did you mean 'evaluation'?"),
         ("    seeds: 1", "    sedes: 1", 8, "tiers.quick.sedes: unknown key. Did you mean 'seeds'? Known: learner,"),
-        ("gamma:", "gama:", 19, "per_method.mSAC.learner.gama: unknown key. Did you mean 'gamma'?"),
-        ("  mSAC:", "  mSAK:", 18, "per_method.mSAK: not one of this suite's: cmSAC, mSAC. Did you mean 'mSAC'?"),
+        ("n_epochs:", "n_epoch:", 17, "learner.PPO.n_epoch: unknown key. Did you mean 'n_epochs'? Known: preset, net"),
+        ("n_epochs: 4, log_std_init: -1", "preset: papr", 17,
+         "learner.PPO.preset: should be 'quick' or 'paper', got 'papr'. Did you mean 'paper'?"),
+        ("gamma:", "gama:", 20, "per_method.mSAC.learner.gama: unknown key. Did you mean 'gamma'?"),
+        ("  mSAC:", "  mSAK:", 19, "per_method.mSAK: not one of this suite's: cmSAC, mSAC. Did you mean 'mSAC'?"),
         ("  quick:", "  quik:", 7, "tiers.quik: should be 'smoke', 'quick' or 'full', got 'quik'. Did you mean"),
         ("discovery:\n  preset: quick", "discovery:\n  preset: papr", 13,
          "discovery.preset: should be 'quick' or 'paper', got 'papr'. Did you mean 'paper'?"),
@@ -89,6 +94,14 @@ def test_a_missing_file_and_an_empty_one_say_what_is_expected(tmp_path: Path) ->
 
 
 def test_settings_start_from_the_last_preset_and_the_last_value_wins() -> None:
-    settings = LEARNER.resolve([{"preset": "quick", "gamma": 0.5, "tau": 0.1}, {"preset": "paper", "gamma": 0.7}])
+    patches = [{"preset": "quick", "gamma": 0.5, "tau": 0.1}, {"preset": "paper", "gamma": 0.7}]
+    settings = LEARNER.resolve("SAC", patches)
     assert (settings.net_arch, settings.gamma, settings.tau) == ((512, 512), 0.7, 0.1)
     assert DISCOVERY.resolve([]).training_count == 3_000
+
+
+def test_a_learner_key_goes_to_every_learner_that_has_it_and_a_section_to_one() -> None:
+    patches = [{"gamma": 0.5, "tau": 0.1, "SAC": {"gamma": 0.6}}, {"batch_size": 8, "PPO": {"preset": "paper"}}]
+    sac, ppo = (LEARNER.resolve(name, patches) for name in ("SAC", "PPO"))
+    assert (sac.gamma, sac.tau, sac.batch_size, sac.net_arch) == (0.6, 0.1, 8, (64, 64))
+    assert (ppo.gamma, ppo.n_steps, ppo.batch_size) == (0.5, 10_000, 8)

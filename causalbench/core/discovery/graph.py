@@ -61,7 +61,7 @@ class CausalGraph:
 
     task: str
     task_version: int
-    origin: Literal["discovered", "manual"]
+    origin: Literal["discovered", "manual", "oracle", "control"]
     stages: tuple[StageGraph, ...]
     env_steps: int = 0
     provenance: Mapping[str, Any] = field(default_factory=dict)

@@ -15,9 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from causalbench.core.discovery.counterfactual import ABSENT_BELOW, STRONG_ABOVE, Walk, effects
+from causalbench.core.discovery.graph import CausalGraph, StageGraph, declared_matrix
 from causalbench.core.scene import Scene
 from causalbench.core.tasks.task import Task
 
+ORACLE_STATES = 400  # visited states per stage
 CONFIDENCE = 0.95
 SEQUENCE_LENGTH = 10  # as in discovery, so that both speak of the same states
 
@@ -74,6 +76,19 @@ def consult_oracle(
         )
     finally:
         scene.close()
+
+
+def oracle_graph(task: Task, truth: tuple[StageTruth, ...], seed: int) -> CausalGraph:
+    """The strong edges as a graph, what a perfect discovery would find; `env_steps` is what asking took."""
+    stages = []
+    for stage in truth:
+        strong = np.array(stage.grades()) == Grade.strong
+        untestable = np.isnan(stage.effect).any(0)
+        matrix = np.where(untestable, declared_matrix(task, stage.stage, stage.terms), strong)
+        stages.append(StageGraph(stage.stage, task.actions, stage.terms, matrix))
+    env_steps = ORACLE_STATES * (len(task.actions) + 2) * task.n_stages
+    provenance = {"seed": seed, "states": ORACLE_STATES, "strong_above": STRONG_ABOVE}
+    return CausalGraph(task.name, task.version, "oracle", tuple(stages), env_steps, provenance)
 
 
 def _stage_truth(

@@ -1,9 +1,15 @@
-"""The table of methods: each of the paper's methods is a configuration of one staged learner."""
+"""The table of methods: each of the paper's methods is a configuration of one staged learner, and so is each control.
+
+A name reads left to right: cm (causal actions and mask) or cmm (the same, matrix by hand), m (one agent a stage, no
+causes) or c (cooperating stages), the learner, and after a hyphen the one thing in which the row differs.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Literal
+
+Control = Literal["none", "shuffled", "redrawn", "plus1", "plus2", "other"]
 
 
 @dataclass(frozen=True)
@@ -13,20 +19,53 @@ class Method:
     `action_space`: "causal" builds each stage's policy from its causal actions only (paper, eq. CausalActions);
     `gradient`: "factored" lets action k learn only from the terms it causes (paper, Causal Policy Gradient);
     `matrix`: where the causal matrix comes from; `cooperation`: whether the actor also climbs the next
-    stage's critic (Erskine and Lehnert 2022).
+    stage's critic (Erskine and Lehnert 2022); `control`: how the matrix is spoilt before it is used (`controls`);
+    `stock`: stable-baselines3's own agent, one for all stages, on the summed reward.
     """
 
     name: str
-    learner: Literal["SAC"]
+    learner: Literal["SAC", "PPO"]
     action_space: Literal["causal", "full"]
     gradient: Literal["factored", "scalar"]
-    matrix: Literal["discovered", "manual", "none"]
+    matrix: Literal["discovered", "manual", "oracle", "none"]
     cooperation: bool = False
+    control: Control = "none"
+    stock: bool = False
 
 
-METHODS = (
+PAPER = (
     Method("cmSAC", "SAC", "causal", "factored", "discovered"),
     Method("cmmSAC", "SAC", "causal", "factored", "manual"),
     Method("mSAC", "SAC", "full", "scalar", "none"),
     Method("cSAC", "SAC", "full", "scalar", "none", cooperation=True),
+    Method("cmPPO", "PPO", "causal", "factored", "discovered"),
+    Method("cmmPPO", "PPO", "causal", "factored", "manual"),
+    Method("mPPO", "PPO", "full", "scalar", "none"),
 )
+
+STOCK = (
+    Method("SAC", "SAC", "full", "scalar", "none", stock=True),
+    Method("PPO", "PPO", "full", "scalar", "none", stock=True),
+)
+
+
+def _ablations(learner: Literal["SAC", "PPO"]) -> tuple[Method, ...]:
+    """What differs from cmSAC or cmPPO in one thing."""
+    cm = f"cm{learner}"
+    return (
+        # One half of the method without the other.
+        Method(f"{cm}-scalar", learner, "causal", "scalar", "discovered"),
+        Method(f"{cm}-full", learner, "full", "factored", "discovered"),
+        # Does the mask help by what it says, or by being sparse?
+        Method(f"{cm}-shuffled", learner, "causal", "factored", "discovered", control="shuffled"),
+        Method(f"{cm}-redrawn", learner, "causal", "factored", "discovered", control="redrawn"),
+        # Do the actions help by being the causal ones, or by being few?
+        Method(f"{cm}-plus1", learner, "causal", "factored", "discovered", control="plus1"),
+        Method(f"{cm}-plus2", learner, "causal", "factored", "discovered", control="plus2"),
+        Method(f"{cm}-other", learner, "causal", "factored", "discovered", control="other"),
+        # What a perfect discovery would give.
+        Method(f"{cm}-oracle", learner, "causal", "factored", "oracle"),
+    )
+
+
+METHODS = (*PAPER, *STOCK, *_ablations("SAC"), *_ablations("PPO"))

@@ -6,7 +6,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import torch
@@ -14,10 +14,14 @@ from numpy.typing import NDArray
 from safetensors.torch import load_file, save_file
 from torch import Tensor
 
+from causalbench.core.learners.gaussian_networks import gaussian_actor_forward
 from causalbench.core.learners.networks import actor_forward, squashed_sample
 from causalbench.errors import UserError
 
-SCHEMA = 1
+SCHEMA = 2
+
+Distribution = Literal["squashed", "gaussian"]
+"""What an actor's tensors mean: SAC's squashed Gaussian (`networks`) or PPO's clipped one (`gaussian_networks`)."""
 
 
 @dataclass(frozen=True)
@@ -50,9 +54,11 @@ class StagedPolicy:
         actions: Sequence[NDArray[np.int64]],
         n_actions: int,
         scale: ObservationScale,
+        distribution: Distribution = "squashed",
         seed: int = 0,
     ) -> None:
         self.actors, self.actions, self.n_actions, self.scale = list(actors), list(actions), n_actions, scale
+        self.distribution = distribution
         self.generator = torch.Generator().manual_seed(seed)
 
     def predict(
@@ -71,23 +77,32 @@ class StagedPolicy:
         out = np.zeros((len(stages), self.n_actions), dtype=np.float32)
         for index in np.unique(stages):
             rows = np.flatnonzero(stages == index)
-            with torch.no_grad():
-                mean, log_std = actor_forward(self.actors[index], inputs[rows])
-                noise = torch.zeros_like(mean) if deterministic else torch.randn(mean.shape, generator=self.generator)
-                action, _ = squashed_sample(mean, log_std, noise)
+            action = self._act(self.actors[index], inputs[rows], deterministic)
             out[np.ix_(rows, self.actions[index])] = action.numpy()
         return (out[0] if single else out), state
+
+    @torch.no_grad()
+    def _act(self, actor: list[Tensor], obs: Tensor, deterministic: bool) -> Tensor:
+        forward = actor_forward if self.distribution == "squashed" else gaussian_actor_forward
+        mean, log_std = forward(actor, obs)
+        noise = torch.zeros_like(mean) if deterministic else torch.randn(mean.shape, generator=self.generator)
+        if self.distribution == "squashed":
+            return squashed_sample(mean, log_std, noise)[0]
+        return (mean + log_std.exp() * noise).clamp(-1.0, 1.0)
 
     def save(self, folder: Path | str) -> None:
         """Write `policy.safetensors` and `policy.json` into `folder`."""
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
-        tensors = {
-            f"stage{i}.{k}": w.detach().contiguous() for i, a in enumerate(self.actors, 1) for k, w in enumerate(a)
+        tensors = {  # clones, since the file has no place for stages that share an actor
+            f"stage{i}.{k}": w.detach().clone(memory_format=torch.contiguous_format)
+            for i, actor in enumerate(self.actors, 1)
+            for k, w in enumerate(actor)
         }
         save_file(tensors, folder / "policy.safetensors")
         meta = {
             "schema": SCHEMA,
+            "distribution": self.distribution,
             "n_actions": self.n_actions,
             "actions": [a.tolist() for a in self.actions],
             "low": self.scale.low,
@@ -113,4 +128,4 @@ def load_policy(folder: Path | str) -> StagedPolicy:
         actors.append([tensors[f"{prefix}{k}"] for k in range(count)])
     actions = [np.array(a, dtype=np.int64) for a in meta["actions"]]
     scale = ObservationScale(tuple(meta["low"]), tuple(meta["high"]))
-    return StagedPolicy(actors, actions, meta["n_actions"], scale)
+    return StagedPolicy(actors, actions, meta["n_actions"], scale, meta["distribution"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -27,6 +28,32 @@ class SACSettings:
 
 
 @dataclass(frozen=True)
+class PPOSettings:
+    """Settings of `StagedPPO`, per stage agent. The defaults are the quick tier's; most are stable-baselines3's."""
+
+    net_arch: tuple[int, ...] = (64, 64)
+    n_steps: int = 1_024  # env steps in an epoch, of all worlds together (Algorithm 3, `n_step`)
+    n_epochs: int = 10  # passes over an epoch's samples
+    batch_size: int = 64  # also the fewest samples a stage trains on; fewer wait for the next epoch
+    learning_rate: float = 3e-4
+    gamma: float = 0.99
+    gae_lambda: float = 0.95
+    clip_range: float = 0.2
+    target_kl: float = 0.03  # training stops once the joint policy has moved 1.5 times as far
+    advantage_floor: float = 0.1  # least deviation that divides an action's advantage, in units of the mean of all
+    ent_coef: float = 0.0
+    vf_coef: float = 0.5
+    max_grad_norm: float = 0.5
+    log_std_init: float = -0.5  # SB3's 0.0 puts a third of all first actions on their bounds
+    critics: Literal["rows", "terms"] = "rows"  # one value head per distinct matrix row, or per reward term
+    n_envs: int = 1  # scenes stepped by one learner
+    observe_gripper: bool = True  # ours; the paper's observation has no gripper opening
+
+
+LearnerSettings = SACSettings | PPOSettings
+
+
+@dataclass(frozen=True)
 class EvaluationSettings:
     """When and how a learner is evaluated: full task episodes from stage 1 on seeds of their own."""
 
@@ -35,16 +62,23 @@ class EvaluationSettings:
     final_episodes: int = 50  # after the last step
 
 
-PRESETS = {
-    "quick": SACSettings(),
-    "paper": SACSettings(
-        net_arch=(512, 512),
-        batch_size=512,
-        learning_rate=5e-4,
-        train_every=1000,
-        updates_per_sample=1.0,
-        learning_starts=1000,
-        observe_gripper=False,
-    ),
+PRESETS: Mapping[str, Mapping[str, LearnerSettings]] = {
+    "SAC": {
+        "quick": SACSettings(),
+        "paper": SACSettings(
+            net_arch=(512, 512),
+            batch_size=512,
+            learning_rate=5e-4,
+            train_every=1000,
+            updates_per_sample=1.0,
+            learning_starts=1000,
+            observe_gripper=False,
+        ),
+    },
+    "PPO": {
+        "quick": PPOSettings(),
+        "paper": PPOSettings(n_steps=10_000, learning_rate=5e-5, observe_gripper=False),
+    },
 }
-"""Named starting points; the paper's are its hyperparameter table and its section Neural Network Architecture."""
+"""Learner -> name -> starting point; the paper's are its hyperparameter table and its section Neural Network
+Architecture (PPO there: 64-64, batches of 64, 10 passes, discount 0.99, clip range 0.2)."""

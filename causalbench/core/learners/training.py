@@ -12,7 +12,7 @@ import torch
 
 import causalbench
 from causalbench.core.batch import make_batch
-from causalbench.core.discovery.graph import CausalGraph, manual_graph
+from causalbench.core.discovery.graph import CausalGraph
 from causalbench.core.env import StageTaskEnv
 from causalbench.core.learners.checkpoint import Checkpoints, load_checkpoint, save_checkpoint
 from causalbench.core.learners.counting import Counter
@@ -21,16 +21,18 @@ from causalbench.core.learners.learner import StagedLearner, below, prefixed
 from causalbench.core.learners.methods import Method
 from causalbench.core.learners.policy import ObservationScale, StagedPolicy
 from causalbench.core.learners.records import Evaluation, TrainingCounts
-from causalbench.core.learners.settings import EvaluationSettings, SACSettings
+from causalbench.core.learners.settings import PRESETS, EvaluationSettings, LearnerSettings
+from causalbench.core.learners.staged_ppo import StagedPPO
 from causalbench.core.learners.staged_sac import StagedSAC
+from causalbench.core.learners.training_graph import training_graph
 from causalbench.core.scene import Scene, SceneSpec
 from causalbench.core.tasks.task import Task
 from causalbench.core.vector_env import StageTaskVectorEnv
-from causalbench.errors import DivergedError, InvalidGraphError
+from causalbench.errors import DivergedError, UserError
 
 LOG = logging.getLogger(__name__)
 
-LEARNERS: Mapping[str, Callable[..., StagedLearner]] = {"SAC": StagedSAC}
+LEARNERS: Mapping[str, Callable[..., StagedLearner]] = {"SAC": StagedSAC, "PPO": StagedPPO}
 """What a row of the method table calls its `learner`, made from (task, method, graph, scale, settings, seed)."""
 
 
@@ -39,7 +41,7 @@ def train(
     make_scene: Callable[[], Scene],
     method: Method,
     graph: CausalGraph | None,
-    settings: SACSettings,
+    settings: LearnerSettings,
     evaluation: EvaluationSettings,
     env_steps: int,
     seed: int,
@@ -58,12 +60,21 @@ def train(
     "exact_restore" starts again instead.
 
     Raises `InvalidGraphError` for a missing or wrong graph, `CheckpointError` for a checkpoint that is not this
-    run's, and `DivergedError` for a loss that explodes or is not finite.
+    run's, `UserError` for settings of another learner, and `DivergedError` for a loss that explodes or is not finite.
     """
-    graph = _graph_of(task, method, graph)
+    expected = type(PRESETS[method.learner]["quick"])
+    if not isinstance(settings, expected):
+        raise UserError(f"method {method.name!r} takes {expected.__name__}, got {type(settings).__name__}")
+    graph = training_graph(task, method, graph, make_scene, seed)
     env = StageTaskVectorEnv(task, make_batch(make_scene, settings.n_envs), settings.observe_gripper)
     judge_env = StageTaskEnv(task, make_scene(), observe_gripper=settings.observe_gripper)
     try:
+        if method.stock:
+            from causalbench.core.learners.stock import train_stock  # SB3 takes a second to import
+
+            if checkpoints:
+                LOG.info("stable-baselines3's own agents keep no checkpoints")
+            return train_stock(env, judge_env, settings, evaluation, env_steps, seed, on_evaluation, on_progress)
         scale = ObservationScale.of(env.single_observation_space)
         learner = LEARNERS[method.learner](task, method, graph, scale, settings, seed)
         counter = Counter(task.n_stages, env.num_envs)
@@ -86,7 +97,7 @@ def train(
         while counter.counts.env_steps < env_steps:
             before = counter.counts.env_steps
             actions = learner.act(obs)
-            obs_before, (obs, _, terminated, truncated, infos) = obs, env.step(actions)
+            obs_before, (obs, _, terminated, truncated, infos) = obs, env.step(actions.clip(-1.0, 1.0))
             over = terminated | truncated
             learner.remember(obs_before, actions, infos, over)
             counter.add(infos, over)
@@ -119,7 +130,7 @@ def train(
 
 
 def _identity(
-    task: Task, spec: SceneSpec, method: Method, graph: CausalGraph | None, settings: SACSettings,
+    task: Task, spec: SceneSpec, method: Method, graph: CausalGraph | None, settings: LearnerSettings,
     evaluation: EvaluationSettings, env_steps: int, seed: int,
 ) -> dict[str, Any]:  # fmt: skip
     """What two runs must share for one to continue the other, bit for bit, as JSON data."""
@@ -134,14 +145,3 @@ def _identity(
         "seed": seed,
         "versions": {"causalbench": causalbench.__version__, "numpy": np.__version__, "torch": torch.__version__},
     }
-
-
-def _graph_of(task: Task, method: Method, graph: CausalGraph | None) -> CausalGraph | None:
-    if method.matrix == "none":
-        return None
-    if method.matrix == "manual":
-        return manual_graph(task)
-    if graph is None:
-        raise InvalidGraphError(f"method {method.name!r} needs a discovered causal graph of {task.name}, got none")
-    graph.check(task)
-    return graph

@@ -1,0 +1,102 @@
+"""Gradient updates per second of `PPOAgent` beside stable-baselines3's PPO: python benchmarks/ppo_speed.py (2 minutes).
+
+Same networks, batch, passes and losses, one thread each, turns A B A B; figures are medians of turns. The causal rows
+are the agents of cmmPPO, averaged over their four stages.
+"""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable
+
+import gymnasium as gym
+import numpy as np
+import torch
+from stable_baselines3 import PPO
+from stable_baselines3.common.logger import configure
+
+from causalbench.core.discovery.graph import manual_graph
+from causalbench.core.learners.causal_gradient import stage_plan
+from causalbench.core.learners.gaussian_networks import gaussian_actor_forward, gaussian_log_prob
+from causalbench.core.learners.methods import METHODS
+from causalbench.core.learners.ppo_agent import PPOAgent, Samples
+from causalbench.core.learners.settings import PPOSettings
+from causalbench.core.tasks.pure_manipulation import TASK
+
+N_OBS, SAMPLES, TURNS = 16, 1024, 7
+NEVER = 1e9  # a KL at which neither stops early
+SETTINGS = (((64, 64), 64, 4), ((64, 64), 256, 8), ((256, 256), 256, 4))  # networks, batch, passes a turn
+
+
+class Box(gym.Env):
+    """Nothing but the spaces that the networks are built from."""
+
+    observation_space = gym.spaces.Box(-1, 1, (N_OBS,), np.float32)
+    action_space = gym.spaces.Box(-1, 1, (len(TASK.actions),), np.float32)
+
+
+def sb3(net_arch: tuple[int, ...], batch_size: int, passes: int) -> Callable[[], None]:
+    """Stock PPO with a full rollout; a function that does `passes` passes over it."""
+    model = PPO(
+        "MlpPolicy", Box(), n_steps=SAMPLES, batch_size=batch_size, n_epochs=passes, target_kl=NEVER, seed=0,
+        device="cpu", policy_kwargs={"net_arch": list(net_arch)},
+    )  # fmt: skip
+    model.set_logger(configure(None, []))
+    model._current_progress_remaining = 1.0
+    rng, buffer = np.random.default_rng(0), model.rollout_buffer
+    for store in (buffer.observations, buffer.actions, buffer.advantages, buffer.returns):
+        store[:] = rng.standard_normal(store.shape)
+    with torch.no_grad():
+        obs, actions = (torch.from_numpy(store[:, 0]) for store in (buffer.observations, buffer.actions))
+        buffer.log_probs[:, 0] = model.policy.evaluate_actions(obs, actions)[1].numpy()
+    buffer.full = True
+    return model.train
+
+
+def ours(name: str, stage: int, net_arch: tuple[int, ...], batch_size: int, passes: int) -> Callable[[], None]:
+    """One stage's agent of a method with as many samples; a function that does `passes` passes over them."""
+    method = next(m for m in METHODS if m.name == name)
+    graph = manual_graph(TASK) if method.matrix == "manual" else None
+    settings = PPOSettings(net_arch=net_arch, batch_size=batch_size, n_epochs=passes, target_kl=NEVER)
+    agent = PPOAgent(stage_plan(TASK, method, graph, stage), N_OBS, settings, seed=0)
+    generator = torch.Generator().manual_seed(0)
+    n_critics, n_actions = agent.mask.shape
+    obs, actions, advantages, returns = (
+        torch.randn(SAMPLES, n, generator=generator) for n in (N_OBS, n_actions, n_critics, n_critics)
+    )
+    with torch.no_grad():
+        log_prob = gaussian_log_prob(*gaussian_actor_forward(agent.actor, obs), actions)
+    samples = Samples(obs, actions, log_prob, advantages, returns)
+
+    def train() -> None:
+        agent.samples = samples  # an agent uses its samples up
+        agent.train()
+
+    return train
+
+
+def main() -> None:
+    """Print one block per network and batch size."""
+    torch.set_num_threads(1)
+    for net_arch, batch_size, passes in SETTINGS:
+        size = (net_arch, batch_size, passes)
+        rivals = {"SB3 PPO": sb3(*size), "mPPO": ours("mPPO", 1, *size)}
+        rivals |= {f"cmmPPO stage {i}": ours("cmmPPO", i, *size) for i in (1, 2, 3, 4)}
+        seconds: dict[str, list[float]] = {name: [] for name in rivals}
+        updates = passes * SAMPLES // batch_size
+        for _ in range(TURNS):
+            for name, train in rivals.items():
+                start = time.perf_counter()
+                train()
+                seconds[name].append((time.perf_counter() - start) / updates)
+        medians = {name: statistics.median(values) for name, values in seconds.items()}
+        causal = statistics.mean(value for name, value in medians.items() if name.startswith("cmm"))
+        stock = medians["SB3 PPO"]
+        print(f"networks {net_arch}, batch {batch_size}: SB3's PPO {1 / stock:.0f} updates/s")
+        print(f"  mPPO, all actions        {stock / medians['mPPO']:.2f} of SB3's rate")
+        print(f"  cmmPPO, mean over stages {stock / causal:.2f}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,48 @@
+"""The causal graph that a row of the method table trains with."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from causalbench.core.batch import make_batch
+from causalbench.core.discovery.graph import CausalGraph, manual_graph
+from causalbench.core.discovery.oracle import ORACLE_STATES, consult_oracle, oracle_graph
+from causalbench.core.learners.controls import control_graph
+from causalbench.core.learners.methods import Method
+from causalbench.core.scene import Scene
+from causalbench.core.tasks.task import Task
+from causalbench.errors import InvalidGraphError
+
+
+def training_graph(
+    task: Task, method: Method, graph: CausalGraph | None, make_scene: Callable[[], Scene], seed: int
+) -> CausalGraph | None:
+    """`graph` is the discovered one where the method asks for it; all others are found or drawn here.
+
+    One that was drawn here before is taken as it is. Raises `InvalidGraphError` for a missing or wrong graph.
+    """
+    if method.matrix == "none":
+        return None
+    if graph is None or graph.origin in ("discovered", "manual"):
+        graph = _found(task, method, graph, make_scene, seed)
+    graph.check(task)
+    return graph
+
+
+def _found(
+    task: Task, method: Method, graph: CausalGraph | None, make_scene: Callable[[], Scene], seed: int
+) -> CausalGraph:
+    if method.matrix == "manual":
+        return manual_graph(task)
+    if method.matrix == "oracle":
+        return oracle_graph(task, consult_oracle(task, make_scene, ORACLE_STATES, seed, lambda share, text: None), seed)
+    if graph is None:
+        raise InvalidGraphError(f"method {method.name!r} needs a discovered causal graph of {task.name}, got none")
+    graph.check(task)
+    if method.control == "none":
+        return graph
+    batch = make_batch(make_scene, 1)
+    try:
+        return control_graph(method.control, graph, task, batch, seed)
+    finally:
+        batch.close()
