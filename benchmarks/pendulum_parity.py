@@ -2,8 +2,7 @@
 
 The learners read only `stage` and the reward vector, so a task of one stage and one term is the plain algorithm, and
 its learning curve must be SB3's within seeds. Same networks, settings, budget and evaluation episodes. Printed as the
-mean over seeds with a 95% Student interval; the verdict is whether the interval of the difference holds 0.
-The results of the last full run are in docs/learners.md.
+mean over seeds with a 95% Student interval; the curves agree where the interval of the difference holds 0.
 """
 
 from __future__ import annotations
