@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import IO, Any, Literal, Protocol, get_args
 
 from causalbench.errors import RunFolderError
-from causalbench.store.files import write_json
+from causalbench.store.files import TEMPORARY, write_json
 
 SCHEMA = 1
 State = Literal["done", "failed", "timeout", "diverged", "skipped", "running", "pending"]
@@ -87,6 +87,8 @@ class RunFolder:
             raise RunFolderError(
                 f"{self.path}: another command is running here; wait or choose another --out"
             ) from error
+        for half in [*self.path.rglob(TEMPORARY)]:  # what a killed command was writing
+            shutil.rmtree(half) if half.is_dir() else half.unlink(missing_ok=True)
         return lock
 
     def folder(self, cell: Identified) -> Path:

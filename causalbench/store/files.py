@@ -9,6 +9,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+TEMPORARY = ".*.tmp"
+"""Pattern of the temporary names; such a path is left behind only by a process that was killed while it wrote."""
+
 
 def write_text(path: Path, text: str) -> None:
     """Replace the file `path` by `text`, as a whole or not at all."""

@@ -101,7 +101,7 @@ def test_the_oracles_graph_has_its_strong_edges_and_declares_what_it_could_not_t
         low[0, 0], high[0, 0] = 0.01, 0.2  # weak
         for array in (effect, low, high):
             array[:, -1] = np.nan
-        truth.append(StageTruth(own.stage, own.actions, own.terms, effect, low, high, np.zeros(len(own.terms))))
+        truth.append(StageTruth(own.stage, own.actions, own.terms, effect, low, high, np.zeros(len(own.terms)), True))
     graph = oracle_graph(TASK, tuple(truth), seed=0)
     assert (graph.origin, graph.env_steps) == ("oracle", 400 * 9 * 4)
     for own, stage in zip(GRAPH.stages, graph.stages, strict=True):

@@ -222,7 +222,7 @@ def test_temperature_aims_at_the_agents_own_number_of_actions():
 def test_a_loss_that_is_not_finite_ends_training():
     agent = SACAgent(_plan(np.ones((N_ACTIONS, 1))), N_OBS, SMALL, seed=1)
     agent.buffer.sample = lambda *a: _batch(1)._replace(rewards=torch.full((BATCH, 1), float("nan")))
-    with pytest.raises(DivergedError, match="not finite after 3 updates"):
+    with pytest.raises(DivergedError, match=r"not finite .* after 3 updates"):
         agent.train(3)
 
 
