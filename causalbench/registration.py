@@ -71,12 +71,13 @@ def make_env(
 ) -> StageTaskEnv:
     """A task in one new scene of a backend; `backend_options` go to the backend's `make`.
 
-    Raises `UnknownNameError` for a task or backend that does not exist and `BackendLoadError` for one that lacks
-    its simulator.
+    Raises `UnknownNameError` for a task or backend that does not exist, `BackendLoadError` for one that lacks its
+    simulator and `UserError` for one that cannot run the task.
     """
     from causalbench.core.env import StageTaskEnv
-    from causalbench.plugins import installed
+    from causalbench.plugins import installed, scene_maker
 
     plugins = installed()
     chosen = plugins.task(task)
-    return StageTaskEnv(chosen, plugins.backend(backend).make(**backend_options), render_mode, observe_gripper)
+    make_scene = scene_maker(plugins.backend(backend), chosen, backend_options)
+    return StageTaskEnv(chosen, make_scene(), render_mode, observe_gripper)

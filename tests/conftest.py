@@ -22,6 +22,10 @@ from causalbench.registration import make_env
 torch.set_num_threads(1)
 
 
+# Those of them whose robot can drive.
+DRIVING = ("kinematic",)
+
+
 @pytest.fixture
 def backends(request: pytest.FixtureRequest) -> tuple[str, ...]:
     """Names of all backends under test."""
@@ -59,6 +63,20 @@ def make_pure(backend: str) -> Iterator[Callable[..., StageTaskEnv]]:
     yield make
     for env in envs:
         env.close()
+
+
+@pytest.fixture
+def driving() -> tuple[str, ...]:
+    """Names of all backends whose robot can drive."""
+    return DRIVING
+
+
+@pytest.fixture(params=DRIVING)
+def mobile_env(request: pytest.FixtureRequest) -> Iterator[StageTaskEnv]:
+    """Mobile manipulation in one backend."""
+    env = make_env("mobile_manipulation", request.param)
+    yield env
+    env.close()
 
 
 @pytest.fixture

@@ -42,7 +42,7 @@ class SceneSpec:
     `actions` are the names the scene supports, in the order of `ACTION_SPEED`; `action_speed` is the
     declared speed of each at |a| = 1 in m/s or rad/s; `max_opening` the distance between open finger pads
     in metres; `control_dt` and `timestep` are seconds. Capabilities: "rgb", "lidar", "exact_restore",
-    "mobile_base", "physics".
+    "mobile_base", "physics". `lidar_position` is where the scanner sits in the base frame, metres.
     """
 
     backend: str
@@ -57,6 +57,7 @@ class SceneSpec:
     control_dt: float
     timestep: float
     capabilities: frozenset[str]
+    lidar_position: tuple[float, float, float] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +125,11 @@ class Scene(ABC):
         raise CausalbenchError(f"backend {self.spec.backend!r} has no capability 'rgb'")
 
     def lidar(self) -> Array:
-        """Ranges (220,) in metres over 220 degrees, right to left; needs the capability "lidar"."""
+        """Ranges (220,) float64 in metres, from right to left; needs the capability "lidar".
+
+        Level rays from `spec.lidar_position` at `lidar.ANGLES` from straight ahead (paper, appendix A). They meet
+        fixtures, not the robot and not the target; `lidar.MAX_RANGE` where they meet none.
+        """
         raise CausalbenchError(f"backend {self.spec.backend!r} has no capability 'lidar'")
 
     def close(self) -> None:  # noqa: B027 - optional; a scene without resources has nothing to release

@@ -14,7 +14,7 @@ from rich.progress import Progress
 from causalbench.core.discovery.graph import CausalGraph
 from causalbench.core.discovery.settings import PRESETS, DiscoverySettings
 from causalbench.errors import RunFolderError, UnknownNameError
-from causalbench.plugins import installed
+from causalbench.plugins import installed, scene_maker
 from causalbench.run.cell import use_one_thread, write_graph
 from causalbench.store.cells import DATA
 from causalbench.store.files import write_text
@@ -37,7 +37,8 @@ def discover_alone(
     `oracle.csv` and `score.csv`.
     """
     plugins, settings = installed(), _settings(discoverer, preset)
-    chosen_task, make_scene = plugins.task(task), plugins.backend(backend).make
+    chosen_task = plugins.task(task)
+    make_scene = scene_maker(plugins.backend(backend), chosen_task)
     _make(folder)
     from causalbench.core.discovery.pipeline import discover
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import logging
 import time
 from collections.abc import Callable, Iterator
@@ -15,7 +14,7 @@ from causalbench.core.learners.records import Evaluation, TrainingCounts
 from causalbench.core.scene import Scene
 from causalbench.core.tasks.task import Task
 from causalbench.errors import CausalbenchError, DivergedError
-from causalbench.plugins import installed
+from causalbench.plugins import installed, scene_maker
 from causalbench.store.cells import CHECKPOINT, DATA, LOG, RunFolder, State, Status
 from causalbench.store.files import write_folder, write_text
 from causalbench.store.records import write_counts, write_progress
@@ -92,9 +91,9 @@ def use_one_thread() -> None:
     torch.set_num_threads(1)
 
 
-def scene_factory(backend: BackendIdentity) -> Callable[[], Scene]:
-    """A function that makes a new scene of the backend with the suite's options."""
-    return functools.partial(installed().backend(backend.name).make, **backend.options)
+def scene_factory(backend: BackendIdentity, task: Task) -> Callable[[], Scene]:
+    """A function that makes a new scene of the backend for `task` with the suite's options."""
+    return scene_maker(installed().backend(backend.name), task, backend.options)
 
 
 def _discover(cell: DiscoveryCell, folder: Path, on_progress: OnProgress, cores: int) -> int:
@@ -103,7 +102,7 @@ def _discover(cell: DiscoveryCell, folder: Path, on_progress: OnProgress, cores:
     task = installed().task(cell.task.name)
     graph = discover(
         task,
-        scene_factory(cell.backend),
+        scene_factory(cell.backend, task),
         cell.settings,
         cell.seed,
         lambda share, text: on_progress(Progress(share, text)),
@@ -134,7 +133,7 @@ def _learn(cell: LearnerCell, folder: Path, run: RunFolder, on_progress: OnProgr
     watcher = _Watcher(folder, on_progress)
     policy, counts = train(
         task,
-        scene_factory(cell.backend),
+        scene_factory(cell.backend, task),
         cell.method,
         graph,
         cell.learner,
