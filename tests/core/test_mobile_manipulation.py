@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -21,14 +22,8 @@ WORKSPACE, OPENING = MOBILE_SPEC.workspace, MOBILE_SPEC.max_opening
 YES = np.bool_(True)
 
 
-def place(
-    rho: float = 2.0,
-    theta: float = 0.0,
-    hand: tuple[float, float, float] = (0.6, 0.0, 0.7),
-    yaw: float = 0.0,
-    **changes,
-) -> Facts:
-    """The base at (1, -1), heading `yaw`; the target `rho` away at `theta` from straight ahead; the hand seen from it."""
+def place(rho=2.0, theta=0.0, hand=(0.6, 0.0, 0.7), yaw=0.0, **changes) -> Facts:
+    """The base at (1, -1), heading `yaw`; the target `rho` away at `theta` from straight ahead; `hand` in its frame."""
     no = np.bool_(False)
     base = np.array([1.0, -1.0, yaw])
     cos, sin = math.cos(yaw), math.sin(yaw)
@@ -113,8 +108,13 @@ def test_success_is_the_hand_in_the_target_after_a_step_from_stage_3():
 
 @pytest.mark.parametrize(
     ("before", "after", "bonus"),
-    [((2.0, 1.0), (0.7, 1.0), 2.0), ((2.0, 0.0), (0.7, 0.0), 2.0), ((0.7, 1.0), (0.7, 0.0), 2.0), ((0.7, 0.0), (2.0, 0.0), 0.0)],
-)  # fmt: skip
+    [
+        ((2.0, 1.0), (0.7, 1.0), 2.0),
+        ((2.0, 0.0), (0.7, 0.0), 2.0),
+        ((0.7, 1.0), (0.7, 0.0), 2.0),
+        ((0.7, 0.0), (2.0, 0.0), 0.0),
+    ],
+)
 def test_a_step_forward_pays_one_bonus_and_one_back_none(before, after, bonus):
     assert terms(place(*before), place(*after)).get("r_success", 0.0) == bonus
 
@@ -164,7 +164,7 @@ def test_starts_stand_clear_and_can_be_driven(stage):
 def _distance(box, point):
     """From points on the outline of the box."""
     corners = np.array([[1, 1], [1, -1], [-1, -1], [-1, 1], [1, 1]]) * box.half_extents[:2]
-    outline = np.concatenate([np.linspace(a, b, 100) for a, b in zip(corners, corners[1:], strict=False)])
+    outline = np.concatenate([np.linspace(a, b, 100) for a, b in itertools.pairwise(corners)])
     yaw = 2 * math.atan2(box.quaternion[3], box.quaternion[0])
     turn = np.array([[math.cos(yaw), -math.sin(yaw)], [math.sin(yaw), math.cos(yaw)]])
     return np.hypot(*(outline @ turn.T + box.position[:2] - point).T).min()
@@ -195,7 +195,8 @@ def test_the_expert_arrives_without_collision(mobile_env):
             action = task.expert(mobile_env.facts, mobile_env.scene.spec, mobile_env.layout)
             obs, _, success, truncated, _ = mobile_env.step(action)
             facts = mobile_env.facts
-            assert not (facts.collision_base or facts.collision_arm or facts.collision_self), seed
+            collided = facts.collision_base or facts.collision_arm or facts.collision_self
+            assert not collided, seed
             assert mobile_env.observation_space.contains(obs)
             over = success or truncated
         assert success, seed
