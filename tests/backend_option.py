@@ -1,7 +1,7 @@
 """Pytest plugin: `pytest --backend NAME` (repeatable) leaves out the tests of all other backends.
 
-A test is of a backend by its parameter `backend`, by its class's attribute `backend`, as in `SceneConformance`, or by
-its place in that backend's folder below plugins/. All other tests run as ever.
+A test is of a backend by its parameter `backend` or `mobile_env`, by its class's attribute `backend`, as in
+`SceneConformance`, or by its place in that backend's folder below plugins/. All other tests run as ever.
 """
 
 from __future__ import annotations
@@ -38,7 +38,12 @@ def pytest_configure(config: pytest.Config) -> None:
 def _backend_of(item: pytest.Item) -> str | None:
     parameters = item.callspec.params if hasattr(item, "callspec") else {}
     folder = re.match(r"plugins/(\w+)_backend/", item.nodeid)
-    return parameters.get("backend") or getattr(item.cls, "backend", None) or (folder and folder[1])
+    return (
+        parameters.get("backend")
+        or parameters.get("mobile_env")
+        or getattr(item.cls, "backend", None)
+        or (folder and folder[1])
+    )
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

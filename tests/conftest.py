@@ -12,6 +12,8 @@ import pytest
 import torch
 
 # Compiles the task: the first compilation on a machine is announced on stderr, which tests of processes compare.
+import causalbench.core.kinematic_mobile
+import causalbench.core.tasks.mobile_manipulation
 import causalbench.core.tasks.pure_manipulation  # noqa: F401
 from causalbench.core.env import StageTaskEnv
 from causalbench.core.scene import Scene
@@ -22,8 +24,8 @@ from causalbench.registration import make_env
 torch.set_num_threads(1)
 
 
-# Those of them whose robot can drive.
-DRIVING = ("kinematic",)
+DRIVING = tuple(name for name in backend_option.names() if installed().backends[name].mobile_capabilities)
+"""Those backends under test whose robot can drive."""
 
 
 @pytest.fixture

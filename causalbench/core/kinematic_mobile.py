@@ -11,6 +11,7 @@ The hand is a point that keeps `TABLE_CLEARANCE` from every fixture. A target of
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -74,18 +75,35 @@ class MobileWorlds(KinematicWorlds):
 
     def enter(self, index: tuple[int, ...], layout: Layout) -> None:
         """Put the world at `index`, () or (i,), into `layout`."""
-        rows = lidar.box_rows(layout.fixtures)
-        more = len(rows) - self.boxes.shape[-2]
-        if more > 0:
-            self.boxes = np.concatenate([self.boxes, np.tile(NOWHERE, (*self.shape, more, 1))], axis=-2)
-        self.boxes[index] = NOWHERE
-        self.boxes[index][: len(rows)] = rows
+        self._put_boxes(index, lidar.box_rows(layout.fixtures))
         self.base[index] = 0.0
         self.reset(self.state[index], layout)
         if layout.target_mass == 0.0:
             self.state[index][BOX_HALF] = 0.0
         if _base_meets(self.boxes[index], layout.base_pose) or _in_boxes(self.boxes[index], layout.eef_position):
             raise UnreachableLayoutError(f"base at {layout.base_pose} or hand at {layout.eef_position} is in a fixture")
+
+    def _put_boxes(self, index: tuple[int, ...], rows: Array) -> None:
+        more = len(rows) - self.boxes.shape[-2]
+        if more > 0:
+            self.boxes = np.concatenate([self.boxes, np.tile(NOWHERE, (*self.shape, more, 1))], axis=-2)
+        self.boxes[index] = NOWHERE
+        self.boxes[index][: len(rows)] = rows
+
+    def pack(self, index: tuple[int, ...]) -> bytes:
+        """A snapshot of the world at `index`."""
+        parts = (self.state[index], self.base[index], self.boxes[index])
+        return SNAPSHOT_HEADER + b"".join(part.tobytes() for part in parts)
+
+    def unpack(self, index: tuple[int, ...], snapshot: bytes) -> None:
+        """Return the world at `index` to a snapshot. Raises `SnapshotError`."""
+        body = snapshot.removeprefix(SNAPSHOT_HEADER)
+        n_boxes, rest = divmod(len(body) - 8 * (WIDTH + BASE_WIDTH), NOWHERE.nbytes)
+        if len(body) == len(snapshot) or n_boxes < 1 or rest:
+            raise SnapshotError("these bytes are not a snapshot of this version of the mobile kinematic backend")
+        numbers = np.frombuffer(body)
+        self.state[index], self.base[index] = numbers[:WIDTH], numbers[WIDTH : WIDTH + BASE_WIDTH]
+        self._put_boxes(index, numbers[WIDTH + BASE_WIDTH :].reshape(n_boxes, len(NOWHERE)))
 
     def step(self, actions: Array) -> None:
         """One control step; `actions` (*shape, 9)."""
@@ -206,6 +224,13 @@ class MobileKinematicBatch(BatchScene):
     def lidar(self) -> Array:
         return self._worlds.lidar()
 
+    def snapshots(self) -> list[bytes]:
+        return [self._worlds.pack((i,)) for i in range(self.n)]
+
+    def restore(self, snapshots: Sequence[bytes]) -> None:
+        for i, snapshot in enumerate(snapshots):
+            self._worlds.unpack((i,), snapshot)
+
     def close(self) -> None:
         """Nothing to release."""
 
@@ -233,15 +258,7 @@ class MobileKinematicScene(Scene, Batchable):
         return self._world.lidar()
 
     def snapshot(self) -> bytes:
-        world = self._world
-        return SNAPSHOT_HEADER + world.state.tobytes() + world.base.tobytes() + world.boxes.tobytes()
+        return self._world.pack(())
 
     def restore(self, snapshot: bytes) -> None:
-        world, body = self._world, snapshot[len(SNAPSHOT_HEADER) :]
-        fixed = world.state.nbytes + world.base.nbytes
-        n_boxes, rest = divmod(len(body) - fixed, NOWHERE.nbytes)
-        if not snapshot.startswith(SNAPSHOT_HEADER) or n_boxes < 1 or rest:
-            raise SnapshotError("these bytes are not a snapshot of this version of the mobile kinematic backend")
-        numbers = np.frombuffer(body)
-        world.state[:], world.base[:] = numbers[:WIDTH], numbers[WIDTH : WIDTH + BASE_WIDTH]
-        world.boxes = numbers[WIDTH + BASE_WIDTH :].reshape(n_boxes, len(NOWHERE)).copy()
+        self._world.unpack((), snapshot)

@@ -98,7 +98,7 @@ class StageTaskVectorEnv(gym.vector.VectorEnv[Observation, NDArray[Any], NDArray
         for rng, rng_state in zip(self._rngs, state["rngs"], strict=True):
             rng.bit_generator.state = rng_state
         self._facts = self.batch.facts()
-        return self._observer(self._facts, self._stage)
+        return self._observer(self._facts, self._stage, self.batch)
 
     def close(self, **kwargs: Any) -> None:
         """Close the worlds; may be called twice."""
