@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from causalbench.core import lidar, rotations
 from causalbench.core.batch import Batchable, BatchScene
 from causalbench.core.broadcast import broadcast
+from causalbench.core.fetch import BASE_ACTIONS, CARRY, LIDAR_POSITION  # the same rooms and scans as Fetch's
 from causalbench.core.kinematic import (
     BASE_POSE,
     BOX,
@@ -34,7 +35,7 @@ from causalbench.core.kinematic import (
     KinematicWorlds,
     reach_limit,
 )
-from causalbench.core.layout import Carry, Layout
+from causalbench.core.layout import Layout
 from causalbench.core.scene import ACTION_SPEED, Facts, Scene, check_action
 from causalbench.core.snapshots import spec_digest
 from causalbench.errors import SnapshotError, UnreachableLayoutError
@@ -42,9 +43,6 @@ from causalbench.errors import SnapshotError, UnreachableLayoutError
 Array = NDArray[np.float64]
 
 BASE_RADIUS, BASE_HEIGHT = 0.28, 0.40  # m, of the cylinder that carries the hand
-CARRY = Carry(hand_low=(0.55, -0.08, 0.68), hand_high=(0.62, 0.08, 0.80), tilt=1.4, footprint=0.70)
-LIDAR_POSITION = (0.235, 0.0, 0.2878)  # m, that of Fetch
-BASE_ACTIONS = ("forward", "turn")
 BASE_SPEED = tuple(ACTION_SPEED[name] for name in BASE_ACTIONS)
 BASE_STEP = np.array(BASE_SPEED) * SPEC.control_dt
 MOBILE_SPEC = replace(
