@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from causalbench.core.discovery.discoverers import DISCOVERERS, Discoverer
+from causalbench.core.driving import CAPABILITIES
 from causalbench.core.kinematic import SPEC
 from causalbench.core.kinematic import make as make_kinematic
-from causalbench.core.kinematic_mobile import MOBILE_CAPABILITIES
 from causalbench.core.learners.methods import METHODS, Method
 from causalbench.core.tasks.mobile_manipulation import TASK as MOBILE_MANIPULATION
 from causalbench.core.tasks.pure_manipulation import TASK as PURE_MANIPULATION
@@ -27,7 +27,7 @@ def causalbench_backends(register: Callable[[Backend], None]) -> None:
             "numpy, not physics",
             "floating hand",
             capabilities=SPEC.capabilities,
-            mobile_capabilities=MOBILE_CAPABILITIES,
+            mobile_capabilities=CAPABILITIES,
         )
     )
 

@@ -24,10 +24,6 @@ from causalbench.registration import make_env
 torch.set_num_threads(1)
 
 
-DRIVING = tuple(name for name in backend_option.names() if installed().backends[name].mobile_capabilities)
-"""Those backends under test whose robot can drive."""
-
-
 @pytest.fixture
 def backends(request: pytest.FixtureRequest) -> tuple[str, ...]:
     """Names of all backends under test."""
@@ -67,13 +63,7 @@ def make_pure(backend: str) -> Iterator[Callable[..., StageTaskEnv]]:
         env.close()
 
 
-@pytest.fixture
-def driving() -> tuple[str, ...]:
-    """Names of all backends whose robot can drive."""
-    return DRIVING
-
-
-@pytest.fixture(params=DRIVING)
+@pytest.fixture(params=backend_option.driving())
 def mobile_env(request: pytest.FixtureRequest) -> Iterator[StageTaskEnv]:
     """Mobile manipulation in one backend."""
     env = make_env("mobile_manipulation", request.param)

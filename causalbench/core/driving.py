@@ -1,15 +1,36 @@
-"""How a base with servos on x, y and yaw follows `forward` and `turn` without drift."""
+"""What scenes whose base drives have in common: their spec, and how servos on x, y and yaw follow the base actions."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from causalbench.core.layout import Carry
+from causalbench.core.scene import ACTION_SPEED, SceneSpec
+
 Array = NDArray[np.float64]
 
 LEAD = 0.02  # m and rad by which the reference may run ahead of a base that something stops
+
+
+ACTIONS = ("forward", "turn")
+CAPABILITIES = frozenset({"mobile_base", "lidar"})
+SPEED = np.array([ACTION_SPEED[name] for name in ACTIONS])  # m/s, rad/s
+
+
+def driving_spec(spec: SceneSpec, carry: Carry, lidar_position: tuple[float, float, float]) -> SceneSpec:
+    """`spec` of a robot that stands, with a base that drives and a LiDAR."""
+    return replace(
+        spec,
+        actions=(*ACTIONS, *spec.actions),
+        action_speed=(*SPEED.tolist(), *spec.action_speed),
+        workspace=replace(spec.workspace, carry=carry),
+        capabilities=spec.capabilities | CAPABILITIES,
+        lidar_position=lidar_position,
+    )
 
 
 def follow(reference: Array, measured: Array, way: Array, dt: float) -> Array:

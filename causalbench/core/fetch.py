@@ -22,7 +22,7 @@ WORKSPACE = Workspace(
 CARRY = Carry(hand_low=(0.55, -0.08, 0.68), hand_high=(0.62, 0.08, 0.80), tilt=1.4, footprint=0.70)
 """Of a driving Fetch: nearly level, from there every target of mobile manipulation that is near can be reached."""
 LIDAR_POSITION = (0.235, 0.0, 0.2878)  # m, base frame: where the robot's files have its laser
-BASE_ACTIONS = ("forward", "turn")
+BASE_FORCE = (1500.0, 1500.0, 500.0)  # N, N, N m: what the wheels of a robot of this weight can push
 
 TORSO_HEIGHT = 0.30  # m of torso lift
 HEAD_TILT = 0.6  # rad downwards

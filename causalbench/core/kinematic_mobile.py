@@ -17,10 +17,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core import lidar, rotations
+from causalbench.core import driving, lidar, rotations
 from causalbench.core.batch import Batchable, BatchScene
 from causalbench.core.broadcast import broadcast
-from causalbench.core.fetch import BASE_ACTIONS, CARRY, LIDAR_POSITION  # the same rooms and scans as Fetch's
+from causalbench.core.fetch import CARRY, LIDAR_POSITION  # the same rooms and scans as Fetch's
 from causalbench.core.kinematic import (
     BASE_POSE,
     BOX,
@@ -36,24 +36,15 @@ from causalbench.core.kinematic import (
     reach_limit,
 )
 from causalbench.core.layout import Layout
-from causalbench.core.scene import ACTION_SPEED, Facts, Scene, check_action
+from causalbench.core.scene import Facts, Scene, check_action
 from causalbench.core.snapshots import spec_digest
 from causalbench.errors import SnapshotError, UnreachableLayoutError
 
 Array = NDArray[np.float64]
 
 BASE_RADIUS, BASE_HEIGHT = 0.28, 0.40  # m, of the cylinder that carries the hand
-BASE_SPEED = tuple(ACTION_SPEED[name] for name in BASE_ACTIONS)
-BASE_STEP = np.array(BASE_SPEED) * SPEC.control_dt
-MOBILE_SPEC = replace(
-    SPEC,
-    actions=(*BASE_ACTIONS, *SPEC.actions),
-    action_speed=(*BASE_SPEED, *SPEC.action_speed),
-    workspace=replace(SPEC.workspace, carry=CARRY),
-    capabilities=SPEC.capabilities | {"mobile_base", "lidar"},
-    lidar_position=LIDAR_POSITION,
-)
-MOBILE_CAPABILITIES = MOBILE_SPEC.capabilities - SPEC.capabilities
+BASE_STEP = driving.SPEED * SPEC.control_dt
+MOBILE_SPEC = driving.driving_spec(SPEC, CARRY, LIDAR_POSITION)
 SNAPSHOT_HEADER = spec_digest(MOBILE_SPEC)
 NOWHERE = np.array([0.0, 0.0, 0.0, 1e9, 1e9, 1e9, 1.0, 0.0, 0.0, 0.0])
 """The row of a box that nothing meets: worlds of a batch may have different numbers of boxes."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
 
@@ -16,6 +17,7 @@ from causalbench.core.tasks import rooms
 from causalbench.core.tasks.stages import judge
 from causalbench.errors import UserError
 from causalbench.plugins import installed, scene_maker
+from causalbench.registration import make_env
 
 STILL = np.zeros(5)
 WORKSPACE, OPENING = MOBILE_SPEC.workspace, MOBILE_SPEC.max_opening
@@ -187,8 +189,12 @@ def test_a_robot_that_does_not_drive_is_refused():
 # --- in every backend that drives
 
 
-def test_the_expert_arrives_without_collision(mobile_env):
-    for seed in range(5):
+SEEDS = [pytest.param(range(5), id="first"), pytest.param(range(5, 50), id="others", marks=pytest.mark.long)]
+
+
+@pytest.mark.parametrize("seeds", SEEDS)
+def test_the_expert_arrives_without_collision(mobile_env, seeds):
+    for seed in seeds:
         mobile_env.reset(seed=seed)
         over = success = False
         while not over:
@@ -211,16 +217,19 @@ def test_resets_into_a_stage(mobile_env, stage):
         assert mobile_env.observation_space.contains(obs)
 
 
-def test_the_same_seed_is_the_same_room_and_scan(driving):
-    """Where the workspace says the same, layouts are equal, and so is what the LiDAR sees of them."""
-    from causalbench.registration import make_env
-
-    scans = {}
-    for backend in driving:
+def test_the_same_seed_is_the_same_room_and_scan():
+    """Where workspaces are equal; 1 mm, but for rays past an edge: of 1100, at most 5."""
+    scans, layouts = {}, {}
+    for backend in ("kinematic", "gymrob", "pybullet"):
         env = make_env("mobile_manipulation", backend)
         scans[backend] = np.array([env.reset(seed=seed)[0]["lidar"] for seed in range(5)])
+        draw = functools.partial(task.draw_layout, workspace=env.scene.spec.workspace, max_opening=0.1, stage=1)
+        layouts[backend] = [draw(np.random.default_rng(seed)) for seed in range(5)]
         env.close()
     first = scans.pop("kinematic")
     assert (first < 10.0).all()  # walls all round
     for backend, scan in scans.items():
-        assert np.median(np.abs(scan - first)) < 1e-3, backend
+        assert (np.abs(scan - first) > 1e-3).sum() <= 5, backend
+        for mine, other in zip(layouts[backend], layouts["kinematic"], strict=True):
+            np.testing.assert_array_equal(mine.base_pose, other.base_pose)
+            np.testing.assert_array_equal(mine.target.position, other.target.position)

@@ -1,7 +1,7 @@
 """Furnished living rooms as engine-neutral boxes, and the ground on which a robot can stand and turn in them.
 
-World frame: the origin is the middle of the floor. Every plan has the same number of fixtures, so that a simulator
-moves boxes from reset to reset and never builds a new world.
+World frame: the origin is the middle of the floor. Every plan has the same fixtures at other places, so that a
+simulator moves boxes from reset to reset and never builds a new world.
 """
 
 from __future__ import annotations
@@ -22,34 +22,43 @@ Array = NDArray[np.float64]
 ROOM_HALF_EXTENTS = (3.6, 3.0)  # m, of the floor between the walls
 WALL_HALF_HEIGHT, WALL_HALF_THICKNESS = 1.2, 0.05  # m
 
-# Name, half extents, (x, y, yaw) of what stands on the floor. All of it is higher than a scanner at 0.3 m.
-FURNITURE = (
-    (  # seats around a coffee table at one end, dining table at the other
-        ("sofa", (0.42, 0.95, 0.40), (-3.1, 0.6, 0.0)),
-        ("coffee_table", (0.30, 0.50, 0.22), (-1.9, 0.6, 0.0)),
-        ("armchair", (0.38, 0.38, 0.42), (-2.4, -2.2, 0.6)),
-        ("table", (0.70, 0.42, 0.37), (2.3, 1.7, 0.0)),
-        ("chair", (0.22, 0.22, 0.45), (1.9, 0.9, 0.2)),
-        ("bookcase", (0.80, 0.16, 0.95), (1.6, -2.8, 0.0)),
-    ),
-    (  # a sofa that divides the room
-        ("sofa", (0.95, 0.42, 0.40), (-0.3, 0.1, 0.0)),
-        ("coffee_table", (0.50, 0.30, 0.22), (-0.3, 1.2, 0.0)),
-        ("armchair", (0.38, 0.38, 0.42), (3.1, 2.5, -0.8)),
-        ("table", (0.42, 0.70, 0.37), (3.1, -1.6, 0.0)),
-        ("chair", (0.22, 0.22, 0.45), (2.4, -1.5, 0.1)),
-        ("bookcase", (0.16, 0.80, 0.95), (-3.4, -1.6, 0.0)),
-    ),
-    (  # dining table in the middle
-        ("sofa", (0.95, 0.42, 0.40), (0.2, 2.5, 0.0)),
-        ("coffee_table", (0.30, 0.30, 0.22), (-3.1, 2.5, 0.3)),
-        ("armchair", (0.38, 0.38, 0.42), (-3.0, -2.4, 0.8)),
-        ("table", (0.70, 0.42, 0.37), (0.2, -0.3, 0.5)),
-        ("chair", (0.22, 0.22, 0.45), (-0.2, -1.2, 0.5)),
-        ("bookcase", (0.16, 0.80, 0.95), (3.4, 0.6, 0.0)),
-    ),
+_QUARTER = math.pi / 2
+FURNITURE = {  # half extents in m; all of it is higher than a scanner at 0.3 m
+    "sofa": (0.95, 0.42, 0.40),
+    "coffee_table": (0.50, 0.30, 0.22),
+    "armchair": (0.38, 0.38, 0.42),
+    "table": (0.70, 0.42, 0.37),
+    "chair": (0.22, 0.22, 0.45),
+    "bookcase": (0.80, 0.16, 0.95),
+}
+PLANS: tuple[dict[str, tuple[float, float, float]], ...] = (
+    {  # seats around a coffee table at one end, dining table at the other
+        "sofa": (-3.1, 0.6, _QUARTER),
+        "coffee_table": (-1.9, 0.6, _QUARTER),
+        "armchair": (-2.4, -2.2, 0.6),
+        "table": (2.3, 1.7, 0.0),
+        "chair": (1.9, 0.9, 0.2),
+        "bookcase": (1.6, -2.8, 0.0),
+    },
+    {  # a sofa that divides the room
+        "sofa": (-0.3, 0.1, 0.0),
+        "coffee_table": (-0.3, 1.2, 0.0),
+        "armchair": (3.1, 2.5, -0.8),
+        "table": (3.1, -1.6, _QUARTER),
+        "chair": (2.4, -1.5, 0.1),
+        "bookcase": (-3.4, -1.6, _QUARTER),
+    },
+    {  # dining table in the middle
+        "sofa": (0.2, 2.5, 0.0),
+        "coffee_table": (-3.1, 2.5, 0.3),
+        "armchair": (-3.0, -2.4, 0.8),
+        "table": (0.2, -0.3, 0.5),
+        "chair": (-0.2, -1.2, 0.5),
+        "bookcase": (3.4, 0.6, _QUARTER),
+    },
 )
-N_PLANS = len(FURNITURE)
+"""x m, y m and yaw rad of every piece."""
+N_PLANS = len(PLANS)
 
 CELL = 0.1  # m, side of a cell of the ground
 _HALF_DIAGONAL = CELL / math.sqrt(2)
@@ -68,7 +77,7 @@ def fixtures(plan: int) -> tuple[Box, ...]:
     )
     return tuple(
         Box(name, np.array(half), np.array([*place[:2], half[2]]), rotations.from_axis_angle(2, place[2]))
-        for name, half, place in (*walls, *FURNITURE[plan])
+        for name, half, place in (*walls, *((name, FURNITURE[name], place) for name, place in PLANS[plan].items()))
     )
 
 

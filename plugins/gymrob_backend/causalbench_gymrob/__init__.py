@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from causalbench.core.driving import CAPABILITIES
 from causalbench.hookspecs import Backend, hookimpl
 
 if TYPE_CHECKING:
@@ -36,5 +37,4 @@ def make(control_hz: float = 10.0, timestep: float = 0.005, mobile: bool = False
 def causalbench_backends(register: Callable[[Backend], None]) -> None:
     """Register the backend "gymrob"."""
     modules, capabilities = ("mujoco", "gymnasium_robotics"), frozenset({"exact_restore", "physics", "rgb"})
-    mobile = frozenset({"mobile_base", "lidar"})
-    register(Backend("gymrob", make, "MuJoCo", "Fetch", modules, capabilities, mobile_capabilities=mobile))
+    register(Backend("gymrob", make, "MuJoCo", "Fetch", modules, capabilities, mobile_capabilities=CAPABILITIES))

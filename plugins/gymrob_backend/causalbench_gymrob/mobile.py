@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from causalbench.core import driving, lidar
-from causalbench.core.fetch import BASE_ACTIONS, CARRY, LIDAR_POSITION
+from causalbench.core.fetch import BASE_FORCE, CARRY, LIDAR_POSITION
 from causalbench.core.layout import Box, Layout
-from causalbench.core.scene import ACTION_SPEED, check_action
+from causalbench.core.scene import check_action
 from causalbench.core.snapshots import SnapshotCodec
 from causalbench_gymrob.model import ALL_BITS
 from causalbench_gymrob.scene import GymrobScene
@@ -20,7 +18,6 @@ from causalbench_gymrob.world import World
 Array = NDArray[np.float64]
 
 BASE_KV = (2e4, 2e4, 5e3)  # N s / m, N m s / rad
-BASE_FORCE = (1500.0, 1500.0, 500.0)  # N, N m: what wheels of a robot of this weight can push
 UNSEEN = 2  # the group of geoms that no ray meets, which is the robot's
 
 
@@ -71,17 +68,9 @@ class MobileGymrobScene(GymrobScene):
 
     def __init__(self, control_hz: float = 10.0, timestep: float = 0.005) -> None:
         super().__init__(control_hz, timestep)
-        speed = tuple(ACTION_SPEED[name] for name in BASE_ACTIONS)
-        self.spec = replace(
-            self.spec,
-            actions=(*BASE_ACTIONS, *self.spec.actions),
-            action_speed=(*speed, *self.spec.action_speed),
-            workspace=replace(self.spec.workspace, carry=CARRY),
-            capabilities=self.spec.capabilities | {"mobile_base", "lidar"},
-            lidar_position=LIDAR_POSITION,
-        )
+        self.spec = driving.driving_spec(self.spec, CARRY, LIDAR_POSITION)
         self._codec = SnapshotCodec(self.spec)
-        self._way = np.array(speed) * self.spec.control_dt
+        self._way = driving.SPEED * self.spec.control_dt
         self._memory = np.zeros(5)
         self._pad_forces, self._reference = self._memory[:2], self._memory[2:]
 
