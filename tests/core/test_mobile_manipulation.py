@@ -189,12 +189,10 @@ def test_a_robot_that_does_not_drive_is_refused():
 # --- in every backend that drives
 
 
-SEEDS = [pytest.param(range(5), id="first"), pytest.param(range(5, 50), id="others", marks=pytest.mark.long)]
-
-
-@pytest.mark.parametrize("seeds", SEEDS)
-def test_the_expert_arrives_without_collision(mobile_env, seeds):
-    for seed in seeds:
+@pytest.mark.long
+def test_the_expert_arrives_without_collision(mobile_env):
+    """Five of these starts are in S47, too."""
+    for seed in range(50):
         mobile_env.reset(seed=seed)
         over = success = False
         while not over:
