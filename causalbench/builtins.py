@@ -5,21 +5,30 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from causalbench.core.discovery.discoverers import DISCOVERERS, Discoverer
+from causalbench.core.driving import CAPABILITIES
 from causalbench.core.kinematic import SPEC
 from causalbench.core.kinematic import make as make_kinematic
 from causalbench.core.learners.methods import METHODS, Method
+from causalbench.core.tasks.mobile_manipulation import TASK as MOBILE_MANIPULATION
 from causalbench.core.tasks.pure_manipulation import TASK as PURE_MANIPULATION
 from causalbench.core.tasks.task import Task
 from causalbench.hookspecs import Backend, hookimpl
 
-TASKS = (PURE_MANIPULATION,)
+TASKS = (PURE_MANIPULATION, MOBILE_MANIPULATION)
 
 
 @hookimpl
 def causalbench_backends(register: Callable[[Backend], None]) -> None:
     """The numpy reference backend; not physics."""
     register(
-        Backend("kinematic", make_kinematic, "numpy, not physics", "floating hand", capabilities=SPEC.capabilities)
+        Backend(
+            "kinematic",
+            make_kinematic,
+            "numpy, not physics",
+            "floating hand",
+            capabilities=SPEC.capabilities,
+            mobile_capabilities=CAPABILITIES,
+        )
     )
 
 

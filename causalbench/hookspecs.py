@@ -29,6 +29,8 @@ class Backend:
     `make(**options)` imports the simulator and returns a new scene; `engine` and `robot` are for people;
     `modules` are the imports that the simulator needs, so that a missing one is named without importing it;
     `capabilities` are those of its scenes' specs, so that they can be listed without making one;
+    `mobile_capabilities` are those that `make(mobile=True)` adds: "mobile_base" and what comes with it. A backend whose
+    robot does not drive has none, and its `make` no such option;
     `known_gaps` are lines of the contract (docs/conformance.md) that do not hold, with the reason: `{"S21": "..."}`.
     """
 
@@ -39,6 +41,7 @@ class Backend:
     modules: tuple[str, ...] = ()
     capabilities: frozenset[str] = frozenset()
     known_gaps: Mapping[str, str] = field(default_factory=dict)
+    mobile_capabilities: frozenset[str] = frozenset()
 
 
 @hookspec

@@ -20,6 +20,7 @@ import causalbench
 from causalbench import hookspecs
 from causalbench.core.discovery.discoverers import Discoverer
 from causalbench.core.learners.methods import Method
+from causalbench.core.scene import Scene
 from causalbench.core.tasks.task import Task
 from causalbench.errors import BackendLoadError, UnknownNameError, UserError
 from causalbench.hookspecs import Backend
@@ -117,6 +118,21 @@ def _look_up(kind: str, name: str, known: Mapping[str, NamedT]) -> NamedT:
     if name not in known:
         raise UnknownNameError(kind, name, known)
     return known[name]
+
+
+def scene_maker(backend: Backend, task: Task, options: Mapping[str, Any] | None = None) -> Callable[[], Scene]:
+    """A function that makes a new scene of `backend` for `task`; `options` are further ones of its `make`.
+
+    Raises `UserError` for a task that drives and a robot that does not.
+    """
+    if "mobile_base" not in task.requires:
+        return functools.partial(backend.make, **options or {})
+    if not backend.mobile_capabilities:
+        raise UserError(
+            f"backend {backend.name!r} cannot run task {task.name!r}: its robot does not drive; "
+            "`causalbench backends` lists those with the capability mobile_base"
+        )
+    return functools.partial(backend.make, **{"mobile": True} | dict(options or {}))
 
 
 @functools.cache

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import importlib.util
 import sys
 from collections.abc import Sequence
@@ -72,15 +71,15 @@ def make_env(
 ) -> StageTaskEnv:
     """A task in one new scene of a backend; `backend_options` go to the backend's `make`.
 
-    Raises `UnknownNameError` for a task or backend that does not exist and `BackendLoadError` for one that lacks
-    its simulator.
+    Raises `UnknownNameError` for a task or backend that does not exist, `BackendLoadError` for one that lacks its
+    simulator and `UserError` for one that cannot run the task.
     """
     from causalbench.core.env import StageTaskEnv
-    from causalbench.plugins import installed
+    from causalbench.plugins import installed, scene_maker
 
     plugins = installed()
     chosen = plugins.task(task)
-    make_scene = functools.partial(plugins.backend(backend).make, **backend_options)
+    make_scene = scene_maker(plugins.backend(backend), chosen, backend_options)
     env = StageTaskEnv(chosen, make_scene(), render_mode, observe_gripper)
     env.make_scene = make_scene
     return env

@@ -145,7 +145,7 @@ def print_backends(plugins: Plugins) -> None:
         owner = plugins.owners[name]
         state = plugins.problem(name) or "ok"
         gaps = "; ".join(f"{number}: {reason}" for number, reason in backend.known_gaps.items()) or "none"
-        can = ", ".join(sorted(backend.capabilities)) or "none"
+        can = ", ".join(sorted(backend.capabilities | backend.mobile_capabilities)) or "none"
         cells = (name, backend.engine, backend.robot, owner.distribution, owner.version, can, gaps, state)
         table.add_row(*map(escape, cells))
     for row in plugins.rows:

@@ -1,7 +1,7 @@
 """Pytest plugin: `pytest --backend NAME` (repeatable) leaves out the tests of all other backends.
 
-A test is of a backend by its parameter `backend`, by its class's attribute `backend`, as in `SceneConformance`, or by
-its place in that backend's folder below plugins/. All other tests run as ever.
+A test is of a backend by a parameter of `PARAMETERS`, by its class's attribute `backend`, as in `SceneConformance`, or
+by its place in that backend's folder below plugins/. All other tests run as ever.
 """
 
 from __future__ import annotations
@@ -12,10 +12,17 @@ import pytest
 
 from causalbench.plugins import installed
 
+PARAMETERS = ("backend", "mobile_env", "mobile_bench")
+
 
 def names() -> tuple[str, ...]:
     """Names of all installed backends, the reference backend first."""
     return tuple(sorted(installed().backends, key=lambda name: (name != "kinematic", name)))
+
+
+def driving() -> tuple[str, ...]:
+    """Those of them whose robot can drive."""
+    return tuple(name for name in names() if installed().backends[name].mobile_capabilities)
 
 
 def chosen(config: pytest.Config) -> tuple[str, ...]:
@@ -38,7 +45,8 @@ def pytest_configure(config: pytest.Config) -> None:
 def _backend_of(item: pytest.Item) -> str | None:
     parameters = item.callspec.params if hasattr(item, "callspec") else {}
     folder = re.match(r"plugins/(\w+)_backend/", item.nodeid)
-    return parameters.get("backend") or getattr(item.cls, "backend", None) or (folder and folder[1])
+    named = next((parameters[name] for name in PARAMETERS if name in parameters), None)
+    return named or getattr(item.cls, "backend", None) or (folder and folder[1])
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

@@ -12,6 +12,8 @@ import pytest
 import torch
 
 # Compiles the task: the first compilation on a machine is announced on stderr, which tests of processes compare.
+import causalbench.core.kinematic_mobile
+import causalbench.core.tasks.mobile_manipulation
 import causalbench.core.tasks.pure_manipulation  # noqa: F401
 from causalbench.core.env import StageTaskEnv
 from causalbench.core.scene import Scene
@@ -59,6 +61,14 @@ def make_pure(backend: str) -> Iterator[Callable[..., StageTaskEnv]]:
     yield make
     for env in envs:
         env.close()
+
+
+@pytest.fixture(params=backend_option.driving())
+def mobile_env(request: pytest.FixtureRequest) -> Iterator[StageTaskEnv]:
+    """Mobile manipulation in one backend."""
+    env = make_env("mobile_manipulation", request.param)
+    yield env
+    env.close()
 
 
 @pytest.fixture

@@ -24,6 +24,10 @@ def test_every_plugin_of_this_repository_is_installed():
     assert backend_option.names()[0] == "kinematic"
 
 
+def test_the_backends_that_drive_are_under_test():
+    assert {"kinematic", "gymrob", "pybullet"} <= set(backend_option.driving())
+
+
 def test_every_plugin_loads():
     assert {row.distribution: row.error for row in installed().rows if row.error} == {}
 

@@ -15,7 +15,7 @@ from causalbench.errors import UserError
 from causalbench.scaffold import write_backend
 
 ROOT = Path(__file__).parents[1]
-OUTCOMES = {"pass": 37, "fail": 0, "not applicable": 2}
+OUTCOMES = {"pass": 37, "fail": 0, "not applicable": 10}
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +49,7 @@ def test_it_passes_check_as_generated(folder: Path) -> None:
 
 def test_its_own_tests_are_the_contract(folder: Path) -> None:
     done = call(folder, "pytest", "-q", "-p", "no:cacheprovider", "-k", "s01 or s13 or s16 or s36")
-    assert "3 passed, 1 skipped, 35 deselected" in done.stdout, done.stdout
+    assert "3 passed, 1 skipped, 43 deselected" in done.stdout, done.stdout
 
 
 def test_it_is_clean(folder: Path) -> None:

@@ -21,10 +21,16 @@ def expect(condition: Any, message: str) -> None:
 
 
 class Bench:
-    """Makes scenes of one backend and closes them; `scene` is shared by all checks, each of which resets it."""
+    """Makes scenes of one backend and closes them; `scene` is shared by all checks, each of which resets it.
+
+    `capabilities` are those that the backend registers for scenes made with these options.
+    """
 
     def __init__(self, backend: Backend, options: Mapping[str, Any] | None = None) -> None:
         self.backend = backend
+        self.capabilities = backend.capabilities
+        if (options or {}).get("mobile"):
+            self.capabilities |= backend.mobile_capabilities
         self.make_scene: MakeScene = functools.partial(backend.make, **(options or {}))
         signature = inspect.signature(backend.make)
         try:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from causalbench.conformance.bench import Bench
-from causalbench.conformance.checks import contact, facts, life, motion, repeat, reset, solve, spec
+from causalbench.conformance.checks import contact, drive, facts, life, motion, repeat, reset, solve, spec
 from causalbench.core.scene import SceneSpec
 from causalbench.errors import UnknownNameError, UserError
 from causalbench.hookspecs import Backend
@@ -54,6 +54,7 @@ class Check:
 
 
 ARM = ("armx", "army", "armz", "armrx", "armry", "armrz", "grip")
+MOBILE = ("mobile_base",)
 
 CHECKS = (
     Check(spec.s01_names),
@@ -95,6 +96,14 @@ CHECKS = (
     Check(life.s37_spawn),
     Check(solve.s38_expert, ARM),
     Check(solve.s39_lift, ARM),
+    Check(drive.s40_room, MOBILE),
+    Check(drive.s41_arc, MOBILE),
+    Check(drive.s42_base_velocity, MOBILE),
+    Check(drive.s43_lidar, (*MOBILE, "lidar")),
+    Check(drive.s44_lidar_fixtures_only, (*MOBILE, "lidar")),
+    Check(drive.s45_base_collision, MOBILE),
+    Check(drive.s46_snapshot_drive, MOBILE),
+    Check(drive.s47_mobile_expert, (*MOBILE, *ARM)),
 )
 """The contract, in the order of its numbers."""
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from causalbench.core.layout import Layout
 from causalbench.core.scene import Facts, Scene, SceneSpec
+from causalbench.errors import CausalbenchError
 
 Array = NDArray[np.float64]
 
@@ -32,6 +33,10 @@ class BatchScene(ABC):
     @abstractmethod
     def facts(self) -> Facts:
         """What holds now, every field with leading dimension n."""
+
+    def lidar(self) -> Array:
+        """Ranges (n, 220), see `Scene.lidar`."""
+        raise CausalbenchError(f"backend {self.spec.backend!r} has no capability 'lidar'")
 
     @abstractmethod
     def snapshots(self) -> list[bytes]:
@@ -68,6 +73,9 @@ class SceneList(BatchScene):
     def restore(self, snapshots: Sequence[bytes]) -> None:
         for scene, snapshot in zip(self.scenes, snapshots, strict=True):
             scene.restore(snapshot)
+
+    def lidar(self) -> Array:
+        return np.stack([scene.lidar() for scene in self.scenes])
 
     def close(self) -> None:
         for scene in self.scenes:

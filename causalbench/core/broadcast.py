@@ -47,7 +47,7 @@ scalar = compiled
 
 def interpreted(function: Callable[..., None], types: str, layout: str) -> Callable[..., Any]:
     """What `broadcast` makes of `function`, without a compiler: a loop over the batch."""
-    dtypes = [DTYPES[name.strip().removesuffix("[:]")] for name in types.split(",")]
+    dtypes = [DTYPES[name] for name in re.findall(r"\w\d", types)]
     *inputs, output = [[name for name in dims.split(",") if name] for dims in re.findall(r"\(([^)]*)\)", layout)]
 
     def call(*arguments: Any) -> Any:

@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from causalbench.core.batch import BatchScene, SceneList
+from causalbench.core.layout import Layout
+from causalbench.core.lidar import MAX_RANGE, N_RAYS
 from causalbench.core.scene import Facts, Scene, SceneSpec
 from causalbench.core.tasks.stages import judge
 from causalbench.core.tasks.task import Task
@@ -23,22 +25,23 @@ Observation = dict[str, Any]
 
 def reset_worlds(
     task: Task, batch: BatchScene, indices: Sequence[int], rngs: Sequence[np.random.Generator], stage: int | None = None
-) -> None:
-    """Reset worlds `indices` of `batch`, each to a start drawn from its own generator.
+) -> list[Layout]:
+    """Reset worlds `indices` of `batch`, each to a start drawn from its own generator; the starts, in that order.
 
     A start is drawn again until it is reachable, free of contact, holds nothing and lies inside `stage` (any if None).
     Raises `LayoutDrawError` after `MAX_DRAWS` refused draws.
     """
     pending = list(zip(indices, rngs, strict=True))
+    layouts: dict[int, Layout] = {}
     for _ in range(MAX_DRAWS):
-        refused = [world for world in pending if not _place(task, batch, *world, stage or 1)]
+        refused = [world for world in pending if not _place(task, batch, *world, stage or 1, layouts)]
         facts = batch.facts()
         usable = ~(facts.collision_base | facts.collision_arm | facts.collision_self | facts.holding)
         if stage is not None:
             usable &= task.stage(facts) == stage
         pending = [world for world in pending if world in refused or not usable[world[0]]]
         if not pending:
-            return
+            return [layouts[index] for index in indices]
     where = "" if stage is None else f" in stage {stage}"
     raise LayoutDrawError(
         f"task {task.name!r} found no start{where} on backend {batch.spec.backend!r} in {MAX_DRAWS} draws: "
@@ -46,9 +49,12 @@ def reset_worlds(
     )
 
 
-def _place(task: Task, batch: BatchScene, index: int, rng: np.random.Generator, stage: int) -> bool:
+def _place(
+    task: Task, batch: BatchScene, index: int, rng: np.random.Generator, stage: int, layouts: dict[int, Layout]
+) -> bool:
+    layouts[index] = task.draw_layout(rng, batch.spec.workspace, batch.spec.max_opening, stage)
     try:
-        batch.reset(index, task.draw_layout(rng, batch.spec.workspace, batch.spec.max_opening, stage))
+        batch.reset(index, layouts[index])
     except UnreachableLayoutError:
         return False
     return True
@@ -71,11 +77,14 @@ class Observer:
 
     - `state`: the paper's variables, float32, clipped to the task's bounds;
     - `stage`: stage - 1, for routing;
-    - `gripper`: opening in metres, float32 (1,), only with `observe_gripper` (the paper has none).
+    - `gripper`: opening in metres, float32 (1,), with `observe_gripper` (the paper has none) in a task that grips;
+    - `lidar`: ranges in metres, float32 (220,), only in a task that requires "lidar".
     """
 
     def __init__(self, task: Task, spec: SceneSpec, observe_gripper: bool) -> None:
         low, high = (bound.astype(np.float32) for bound in task.state_bounds(spec.workspace))
+        self.scans = "lidar" in task.requires
+        observe_gripper = observe_gripper and "grip" in task.actions
         self._task, self._n_state, self._observe_gripper = task, len(low), observe_gripper
         spaces: dict[str, gym.Space[Any]] = {
             "state": gym.spaces.Box(low, high, dtype=np.float32),
@@ -83,11 +92,14 @@ class Observer:
         }
         if observe_gripper:
             spaces["gripper"] = gym.spaces.Box(0.0, spec.max_opening, (1,), np.float32)
+        if self.scans:
+            spaces["lidar"] = gym.spaces.Box(0.0, MAX_RANGE, (N_RAYS,), np.float32)
         self.space = gym.spaces.Dict(spaces)
         # The opening is clipped together with the state, in one array that is the observation's own.
         self._low, self._high = np.append(low, np.float32(0)), np.append(high, np.float32(spec.max_opening))
 
-    def __call__(self, facts: Facts, stage: NDArray[np.int64]) -> Observation:
+    def __call__(self, facts: Facts, stage: NDArray[np.int64], world: Scene | BatchScene) -> Observation:
+        """The observation of `facts` in `stage`; `world` is asked for what is sensed beside them."""
         values = np.empty((*facts.gripper_opening.shape, self._n_state + 1), dtype=np.float32)
         values[..., :-1] = self._task.observe(facts)
         values[..., -1] = facts.gripper_opening
@@ -96,6 +108,8 @@ class Observer:
         obs: Observation = {"state": values[..., :-1], "stage": stage - 1}
         if self._observe_gripper:
             obs["gripper"] = values[..., -1:]
+        if self.scans:
+            obs["lidar"] = world.lidar().astype(np.float32)
         return obs
 
 
@@ -127,6 +141,7 @@ class StageTaskEnv(gym.Env[Observation, NDArray[np.float32]]):
         self.observation_space = self._observer.space
         self._clock = 0
         self._facts: Facts | None = None
+        self._layout: Layout | None = None
         self._stage: NDArray[np.int64] = np.array(0)
 
     @property
@@ -136,6 +151,13 @@ class StageTaskEnv(gym.Env[Observation, NDArray[np.float32]]):
             raise gym.error.ResetNeeded("call reset() before step()")
         return self._facts
 
+    @property
+    def layout(self) -> Layout:
+        """The start of this episode, which is also its map; before the first reset an error."""
+        if self._layout is None:
+            raise gym.error.ResetNeeded("call reset() first")
+        return self._layout
+
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
@@ -144,11 +166,11 @@ class StageTaskEnv(gym.Env[Observation, NDArray[np.float32]]):
         stage = (options or {}).get("stage")
         if stage is not None and stage not in range(1, self.task.n_stages + 1):
             raise UserError(f"options: stage {stage!r} is not one of 1 to {self.task.n_stages} of {self.task.name}")
-        reset_worlds(self.task, SceneList([self.scene]), [0], [self.np_random], stage)
+        (self._layout,) = reset_worlds(self.task, SceneList([self.scene]), [0], [self.np_random], stage)
         self._facts = self.scene.facts()
         self._stage = self.task.stage(self._facts)
         self._clock = 0
-        return self._observer(self._facts, self._stage), {"stage": int(self._stage)}
+        return self._observer(self._facts, self._stage, self.scene), {"stage": int(self._stage)}
 
     def step(self, action: NDArray[Any]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """One control step; see the class for what comes back. Raises `InvalidActionError`."""
@@ -171,7 +193,8 @@ class StageTaskEnv(gym.Env[Observation, NDArray[np.float32]]):
         }
         terminated = bool(result.success)
         truncated = self._clock >= self.task.horizon and not terminated
-        return self._observer(now, self._stage), float(result.vector_reward.sum()), terminated, truncated, info
+        obs = self._observer(now, self._stage, self.scene)
+        return obs, float(result.vector_reward.sum()), terminated, truncated, info
 
     def render(self) -> NDArray[np.uint8] | None:
         """The scene camera's picture, 480 x 360, when `render_mode` is "rgb_array"."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from causalbench.core.layout import Workspace
+from causalbench.core.layout import Carry, Workspace
 
 ACTIONS = ("armx", "army", "armz", "armrx", "armry", "armrz", "grip")
 JOINTS = ("shoulder_pan", "shoulder_lift", "upperarm_roll", "elbow_flex", "forearm_roll", "wrist_flex", "wrist_roll")
@@ -18,6 +18,11 @@ WORKSPACE = Workspace(
     hand_high=(0.98, 0.20, 1.05),
 )
 """Result of `python -m causalbench_gymrob.reach_scan`; see the README of causalbench-gymrob."""
+
+CARRY = Carry(hand_low=(0.55, -0.08, 0.68), hand_high=(0.62, 0.08, 0.80), tilt=1.4, footprint=0.70)
+"""Of a driving Fetch: nearly level, from there every target of mobile manipulation that is near can be reached."""
+LIDAR_POSITION = (0.235, 0.0, 0.2878)  # m, base frame: where the robot's files have its laser
+BASE_FORCE = (1500.0, 1500.0, 500.0)  # N, N, N m: what the wheels of a robot of this weight can push
 
 TORSO_HEIGHT = 0.30  # m of torso lift
 HEAD_TILT = 0.6  # rad downwards

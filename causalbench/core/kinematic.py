@@ -18,7 +18,6 @@ r_ori {armrx, armry}; stage 3 r_eefz2 {armz}; r_gripper {grip} in all four.
 
 from __future__ import annotations
 
-import hashlib
 import math
 from collections.abc import Sequence
 
@@ -29,6 +28,7 @@ from causalbench.core import rotations
 from causalbench.core.batch import Batchable, BatchScene
 from causalbench.core.layout import Layout, Workspace
 from causalbench.core.scene import ACTION_SPEED, Facts, Scene, SceneSpec, check_action
+from causalbench.core.snapshots import spec_digest
 from causalbench.errors import SnapshotError, UnreachableLayoutError
 
 Array = NDArray[np.float64]
@@ -65,7 +65,7 @@ SPEC = SceneSpec(
     capabilities=frozenset({"exact_restore"}),
 )
 STEP = np.array(SPEC.action_speed) * CONTROL_DT
-SNAPSHOT_HEADER = hashlib.sha256(repr(SPEC).encode()).digest()
+SNAPSHOT_HEADER = spec_digest(SPEC)
 
 # Columns of the state, one row per world, robot base frame.
 HAND, POSTURE, COMMAND, BOX, BOX_POSTURE = slice(0, 3), slice(3, 7), 7, slice(8, 11), slice(11, 15)
@@ -108,19 +108,27 @@ class KinematicWorlds:
 
     def step(self, actions: Array) -> None:
         """One control step; `actions` (*shape, 7)."""
-        move = (check_action(actions, (*self.shape, len(ACTIONS))) * STEP).T
+        self._move_arm((check_action(actions, (*self.shape, len(ACTIONS))) * STEP).T)
+
+    def _move_arm(self, move: Array) -> None:
+        """Move hand and gripper by `move` (7, *shape) in m and rad, as the module says."""
         s = self.state.T
         s[COMMAND] = np.minimum(np.maximum(s[COMMAND] - move[6], 0.0), MAX_OPENING)
         held = self._around() & self._squeezed()
         old = self.state.copy()
-        x, y, z = s[HAND] + move[:3]
+        self._translate(move[:3])
+        s[POSTURE] = rotations.canonical(rotations.multiply(self.state[..., POSTURE], _turn(move[3:6] / 2))).T
+        if held.any():
+            self._carry(held, old)
+
+    def _translate(self, move: Array) -> None:
+        """Move the hand by `move` (3, *shape) as far as reach and table let it."""
+        s = self.state.T
+        x, y, z = s[HAND] + move
         floor = s[TABLE_TOP] + TABLE_CLEARANCE
         z = np.minimum(z, reach_limit(x))
         s[TABLE_HIT] = z < floor
         s[HAND] = x, y, np.maximum(z, floor)
-        s[POSTURE] = rotations.canonical(rotations.multiply(self.state[..., POSTURE], _turn(move[3:6] / 2))).T
-        if held.any():
-            self._carry(held, old)
 
     def _squeezed(self) -> NDArray[np.bool_]:
         """(*shape) whether the command undercuts the box's width."""
@@ -244,6 +252,10 @@ def _unpack(snapshot: bytes) -> Array:
     return np.frombuffer(state)
 
 
-def make() -> Scene:
-    """A new kinematic scene; the backend takes no options."""
+def make(mobile: bool = False) -> Scene:
+    """A new kinematic scene; with `mobile` the hand is carried by a base that drives, and there is a LiDAR."""
+    if mobile:
+        from causalbench.core.kinematic_mobile import MobileKinematicScene  # which builds on this module
+
+        return MobileKinematicScene()
     return KinematicScene()

@@ -11,6 +11,20 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
+class Carry:
+    """How a robot that drives carries its hand; metres and radians, robot base frame, from a scan of the arm's reach.
+
+    `hand_low`, `hand_high` (x, y, z) bound the end effector at a start, which points `tilt` forward of straight down.
+    `footprint` is the radius about the base's axis of turning that base, arm and hand then stay within.
+    """
+
+    hand_low: tuple[float, float, float]
+    hand_high: tuple[float, float, float]
+    tilt: float
+    footprint: float
+
+
+@dataclass(frozen=True)
 class Workspace:
     """Where objects and the hand may start: boxes in the robot base frame, metres, from a scan of the arm's reach.
 
@@ -23,6 +37,8 @@ class Workspace:
     object_high: tuple[float, float]
     hand_low: tuple[float, float, float]
     hand_high: tuple[float, float, float]
+    carry: Carry | None = None
+    """None for a robot that does not drive."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +53,11 @@ class Box:
 
 @dataclass(frozen=True)
 class Layout:
-    """A start, in the world frame. `fixtures` never move; `target` is the free object of the task."""
+    """A start, in the world frame. `fixtures` never move; `target` is the free object of the task.
+
+    A target of mass 0 is a mark in space: it neither moves nor touches anything, and no ray meets it. Only scenes with
+    the capability "mobile_base" take one.
+    """
 
     fixtures: tuple[Box, ...]
     target: Box

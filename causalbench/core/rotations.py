@@ -14,6 +14,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+FACE_DOWN = np.array([0.0, 0.0, 1.0, 0.0])
+"""A hand that points straight down, seen from the base: its closing axis lies along base y."""
+
 
 def components(a: Array) -> Any:
     """The entries of the last axis: floats for one vector (k,), arrays (n,) for a batch (n, k)."""

@@ -43,7 +43,7 @@ class SceneSpec:
     declared speed of each at |a| = 1 in m/s or rad/s; `max_opening` the distance between open finger pads
     in metres; `control_dt` and `timestep` are seconds. Capabilities: "rgb", "lidar", "exact_restore",
     "mobile_base", "physics". Without "exact_restore", `restore_error` says how far any number in facts may be off in 15
-    steps after a restore.
+    steps after a restore. `lidar_position` is where the scanner sits in the base frame, metres.
     """
 
     backend: str
@@ -59,6 +59,7 @@ class SceneSpec:
     timestep: float
     capabilities: frozenset[str]
     restore_error: float = 0.0
+    lidar_position: tuple[float, float, float] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,7 +129,11 @@ class Scene(ABC):
         raise CausalbenchError(f"backend {self.spec.backend!r} has no capability 'rgb'")
 
     def lidar(self) -> Array:
-        """Ranges (220,) in metres over 220 degrees, right to left; needs the capability "lidar"."""
+        """Ranges (220,) float64 in metres, from right to left; needs the capability "lidar".
+
+        Level rays from `spec.lidar_position` at `lidar.ANGLES` from straight ahead (paper, appendix A). They meet
+        fixtures, not the robot and not the target; `lidar.MAX_RANGE` where they meet none.
+        """
         raise CausalbenchError(f"backend {self.spec.backend!r} has no capability 'lidar'")
 
     def close(self) -> None:  # noqa: B027 - optional; a scene without resources has nothing to release

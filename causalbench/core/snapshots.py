@@ -20,15 +20,18 @@ _BOX = 10  # half extents, position, quaternion
 _LAYOUT = 12  # mass, base pose, hand position and quaternion, opening
 
 
+def spec_digest(spec: SceneSpec) -> bytes:
+    """32 bytes that two specs share if and only if they are equal, in any process."""
+    fields = asdict(spec)
+    fields["capabilities"] = sorted(spec.capabilities)
+    return hashlib.sha256(json.dumps(fields, sort_keys=True).encode()).digest()
+
+
 class SnapshotCodec:
     """Packs and unpacks the snapshots of scenes of one spec."""
 
     def __init__(self, spec: SceneSpec) -> None:
-        fields = asdict(spec)
-        fields["capabilities"] = sorted(spec.capabilities)
-        self._backend = spec.backend
-        # 32 bytes that two specs share if and only if they are equal, in any process.
-        self._spec = hashlib.sha256(json.dumps(fields, sort_keys=True).encode()).digest()
+        self._backend, self._spec = spec.backend, spec_digest(spec)
 
     def pack(self, layout: Layout, state: bytes) -> bytes:
         """Bytes of a layout and the simulator's own `state`."""

@@ -48,7 +48,7 @@ class StageTaskVectorEnv(gym.vector.VectorEnv[Observation, NDArray[Any], NDArray
         if seed is not None or not self._rngs:
             self._rngs = [np.random.default_rng(None if seed is None else [seed, i]) for i in range(self.num_envs)]
         self._restart(np.arange(self.num_envs))
-        return self._observer(self._facts, self._stage), {"stage": self._stage.copy()}
+        return self._observer(self._facts, self._stage, self.batch), {"stage": self._stage.copy()}
 
     def step(
         self, actions: NDArray[Any]
@@ -63,11 +63,11 @@ class StageTaskVectorEnv(gym.vector.VectorEnv[Observation, NDArray[Any], NDArray
         self._stage = result.next_stage
         self._clock += 1
         truncated = (self._clock >= self.task.horizon) & ~result.success
-        final_obs = obs = self._observer(self._facts, self._stage)
+        final_obs = obs = self._observer(self._facts, self._stage, self.batch)
         over = np.flatnonzero(result.success | truncated)
         if over.size:
             self._restart(over)
-            obs = self._observer(self._facts, self._stage)
+            obs = self._observer(self._facts, self._stage, self.batch)
         infos = {
             "vector_reward": result.vector_reward,
             "stage": stage,
@@ -98,7 +98,7 @@ class StageTaskVectorEnv(gym.vector.VectorEnv[Observation, NDArray[Any], NDArray
         for rng, rng_state in zip(self._rngs, state["rngs"], strict=True):
             rng.bit_generator.state = rng_state
         self._facts = self.batch.facts()
-        return self._observer(self._facts, self._stage)
+        return self._observer(self._facts, self._stage, self.batch)
 
     def close(self, **kwargs: Any) -> None:
         """Close the worlds; may be called twice."""

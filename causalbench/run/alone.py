@@ -14,7 +14,7 @@ from rich.progress import Progress
 from causalbench.core.discovery.graph import CausalGraph, manual_graph
 from causalbench.core.discovery.settings import PRESETS, SELECTIONS, DiscoverySettings, Selection
 from causalbench.errors import RunFolderError, UnknownNameError
-from causalbench.plugins import installed
+from causalbench.plugins import installed, scene_maker
 from causalbench.run.cell import use_one_thread, write_graph
 from causalbench.run.judged import judge_graph
 from causalbench.store.cells import DATA
@@ -33,7 +33,8 @@ def discover_alone(
     `oracle.csv` and `score.csv`.
     """
     plugins = installed()
-    chosen_task, make_scene = plugins.task(task), plugins.backend(backend).make
+    chosen_task = plugins.task(task)
+    make_scene = scene_maker(plugins.backend(backend), chosen_task)
     _make(folder)
     from causalbench.core.discovery.pipeline import discover
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import logging
 import time
 from collections.abc import Callable, Iterator
@@ -15,7 +14,7 @@ from causalbench.core.learners.records import Evaluation, TrainingCounts
 from causalbench.core.scene import Scene
 from causalbench.core.tasks.task import Task
 from causalbench.errors import CausalbenchError, DivergedError
-from causalbench.plugins import installed
+from causalbench.plugins import installed, scene_maker
 from causalbench.run.judged import judge_graph
 from causalbench.run.tensorboard import Board
 from causalbench.store.cells import CHECKPOINT, DATA, LOG, RunFolder, State, Status
@@ -95,9 +94,9 @@ def use_one_thread() -> None:
     torch.set_num_threads(1)
 
 
-def scene_factory(backend: BackendIdentity) -> Callable[[], Scene]:
-    """A function that makes a new scene of the backend with the suite's options."""
-    return functools.partial(installed().backend(backend.name).make, **backend.options)
+def scene_factory(backend: BackendIdentity, task: Task) -> Callable[[], Scene]:
+    """A function that makes a new scene of the backend for `task` with the suite's options."""
+    return scene_maker(installed().backend(backend.name), task, backend.options)
 
 
 def _discover(cell: DiscoveryCell, folder: Path, on_progress: OnProgress, cores: int) -> int:
@@ -106,7 +105,7 @@ def _discover(cell: DiscoveryCell, folder: Path, on_progress: OnProgress, cores:
     task = installed().task(cell.task.name)
     graph = discover(
         task,
-        scene_factory(cell.backend),
+        scene_factory(cell.backend, task),
         cell.settings,
         cell.seed,
         lambda share, text: on_progress(Progress(share, text)),
@@ -116,7 +115,7 @@ def _discover(cell: DiscoveryCell, folder: Path, on_progress: OnProgress, cores:
     )
     if cell.settings.oracle_states:
         graph, _ = judge_graph(
-            graph, task, scene_factory(cell.backend), cell.settings.oracle_states, cell.seed, folder,
+            graph, task, scene_factory(cell.backend, task), cell.settings.oracle_states, cell.seed, folder,
             lambda share, text: on_progress(Progress(share, text)),
         )  # fmt: skip
     write_graph(folder, graph, manual_graph(task))
@@ -146,7 +145,7 @@ def _learn(cell: LearnerCell, folder: Path, run: RunFolder, on_progress: OnProgr
     with closing(_Watcher(folder, on_progress, keeping.tensorboard)) as watcher:
         policy, counts = train(
             task,
-            scene_factory(cell.backend),
+            scene_factory(cell.backend, task),
             cell.method,
             graph,
             cell.learner,
@@ -169,7 +168,7 @@ def _graph(cell: LearnerCell, task: Task, run: RunFolder) -> CausalGraph | None:
     if cell.discovery is not None:
         path = run.folder(cell.discovery) / "graph.json"
         found = CausalGraph.from_json(path.read_text(encoding="utf-8"), path)
-    graph = training_graph(task, cell.method, found, scene_factory(cell.backend), cell.seed)
+    graph = training_graph(task, cell.method, found, scene_factory(cell.backend, task), cell.seed)
     if graph is not None and graph.origin in ("oracle", "control"):
         write_text(run.folder(cell) / "graph.json", graph.to_json() + "\n")
     return graph

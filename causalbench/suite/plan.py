@@ -15,9 +15,10 @@ import causalbench
 from causalbench.core.discovery.settings import DiscoverySettings
 from causalbench.core.learners.methods import Method
 from causalbench.core.learners.settings import EvaluationSettings, LearnerSettings
+from causalbench.core.tasks.task import Task
 from causalbench.errors import SuiteError, UnknownNameError, UserError
 from causalbench.hookspecs import Backend
-from causalbench.plugins import Plugins
+from causalbench.plugins import Plugins, scene_maker
 from causalbench.suite.positions import Location
 from causalbench.suite.schema import DISCOVERY, EVALUATION, LEARNER, PerBackend, PerMethod, Suite, SuiteFile, Tier
 
@@ -161,7 +162,8 @@ def make_plan(
     cells: dict[str, Cell] = {}
     for backend_name in backends:
         location = ("backends", suite.backends.index(backend_name))
-        backend = _identify(_named(file, location, lambda: plugins.backend(backend_name)), plugins, file)  # noqa: B023
+        found = _named(file, location, lambda: _capable_backend(plugins, backend_name, task))  # noqa: B023
+        backend = _identify(found, plugins, file)
         _check_discoverer(file, tier, tier_name, backend_name, plugins)
         for method_name in methods:
             location = ("methods", suite.methods.index(method_name))
@@ -232,6 +234,12 @@ def _check_learners(file: SuiteFile, plugins: Plugins) -> None:
                     f"a setting of {' and '.join(owners)} methods, and {', '.join(methods)} "
                     f"{'is' if len(methods) == 1 else 'are'} none; leave it out, or add such a method",
                 )
+
+
+def _capable_backend(plugins: Plugins, name: str, task: Task) -> Backend:
+    backend = plugins.backend(name)
+    scene_maker(backend, task)  # raises for a robot that does not drive where the task does
+    return backend
 
 
 def _identify(backend: Backend, plugins: Plugins, file: SuiteFile) -> BackendIdentity:

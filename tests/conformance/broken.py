@@ -11,10 +11,11 @@ from typing import Any, ClassVar
 import numpy as np
 from conformance import hasty
 
-from causalbench.core import rotations
-from causalbench.core.kinematic import BASE_POSE, BOX, BOX_POSTURE, COMMAND, HAND, SPEC, TABLE_HIT, KinematicScene
+from causalbench.core import lidar
+from causalbench.core.kinematic import BASE_POSE, BOX, BOX_HALF, COMMAND, HAND, SPEC, TABLE_HIT, KinematicScene
+from causalbench.core.kinematic_mobile import BASE_HIT, LIDAR_POSITION, MOBILE_SPEC, MobileKinematicScene
 from causalbench.core.layout import Layout
-from causalbench.core.scene import ACTION_SPEED, Array, Facts, SceneSpec, check_action
+from causalbench.core.scene import Array, Facts, Scene, SceneSpec, check_action
 from causalbench.errors import SnapshotError, UnreachableLayoutError
 from causalbench.hookspecs import Backend
 
@@ -25,14 +26,15 @@ def held(scene: KinematicScene) -> bool:
     return bool(KinematicScene.facts(scene).holding)
 
 
-class Altered(KinematicScene):
-    """A kinematic scene with another spec, facts changed on their way out, and five numbers of state of its own."""
+class Alteration(Scene):
+    """Over a kinematic scene: another spec, facts changed on their way out, and five numbers of state of its own."""
 
     changes: ClassVar[dict[str, Any]] = {}
+    _world: Any
 
     def __init__(self) -> None:
         super().__init__()
-        self.spec = dataclasses.replace(SPEC, **self.changes)
+        self.spec = dataclasses.replace(self.spec, **self.changes)
         self.own = np.zeros(5)
 
     @property
@@ -56,6 +58,14 @@ class Altered(KinematicScene):
     def restore(self, snapshot: bytes) -> None:
         super().restore(snapshot[self.own.nbytes :])
         self.own[:] = np.frombuffer(snapshot[: self.own.nbytes])
+
+
+class Altered(Alteration, KinematicScene):
+    """As `Alteration` says."""
+
+
+class AlteredMobile(Alteration, MobileKinematicScene):
+    """The same of the hand on a base that drives."""
 
 
 class Nameless(Altered):
@@ -158,33 +168,19 @@ class SlowGrip(Scaled):
     scale = np.array([1, 1, 1, 1, 1, 1, 0.8])
 
 
-class Mobile(Altered):
-    """The hand on a base that drives; right in every way."""
-
-    turn_scale = 1.0
-    changes: ClassVar = {
-        "actions": ("forward", "turn", *NAMES),
-        "action_speed": (ACTION_SPEED["forward"], ACTION_SPEED["turn"], *SPEC.action_speed),
-        "capabilities": SPEC.capabilities | {"mobile_base"},
-    }
+class SlowTurn(AlteredMobile):
+    """Turns slowly on the spot, and does not say so."""
 
     def step(self, action: Array) -> None:
-        action = check_action(action, (9,))
-        carried = held(self)
-        super().step(action[2:])
-        s, box = self.state, KinematicScene.facts(self)
-        way = action[:2] * np.array(self.spec.action_speed[:2]) * self.spec.control_dt
-        _, _, yaw = s[BASE_POSE]
-        s[BASE_POSE] += [way[0] * math.cos(yaw), way[0] * math.sin(yaw), way[1] * self.turn_scale]
-        if not carried and way.any():
-            back = rotations.from_axis_angle(2, -s[BASE_POSE][2])
-            origin = np.append(s[BASE_POSE][:2], 0.0)
-            s[BOX] = rotations.rotate(back, box.object_position - origin)
-            s[BOX_POSTURE] = rotations.multiply(back, box.object_quaternion)
+        action = check_action(action, (9,)).copy()
+        self.own[0] = 0.0
+        if action[1] and not action[0]:
+            self.own[0] = 0.2 * action[1] * MOBILE_SPEC.action_speed[1]
+            action[1] *= 0.8
+        super().step(action)
 
-
-class SlowTurn(Mobile):
-    turn_scale = 0.8
+    def alter(self, facts: Facts) -> dict[str, Any]:
+        return {"base_velocity": facts.base_velocity + np.array([0.0, self.own[0]])}
 
 
 class Progressive(Altered):
@@ -408,6 +404,73 @@ class Slippery(Altered):
             self.state[BOX] = box
 
 
+class MarkOnBase(AlteredMobile):
+    """A target of mass 0 rides along."""
+
+    def alter(self, facts: Facts) -> dict[str, Any]:
+        mark = not self.state[BOX_HALF].any()
+        shift = 0.1 * (self.state[BASE_POSE] - self.own[:3]) * mark
+        return {"object_position": facts.object_position + np.append(shift[:2] + shift[2], 0.0)}
+
+    def reset(self, layout: Layout) -> None:
+        super().reset(layout)
+        self.own[:3] = layout.base_pose
+
+
+class LeavesHandBehind(AlteredMobile):
+    """An arc takes the hand off its place on the base; forward or turn alone does not."""
+
+    def step(self, action: Array) -> None:
+        super().step(action)
+        if action[0] and action[1] and not action[2:].any():
+            self.state[HAND.start] -= 2e-3
+
+
+class NoVelocity(AlteredMobile):
+    def alter(self, facts: Facts) -> dict[str, Any]:
+        return {"base_velocity": np.zeros(2)}
+
+
+class StaleScan(AlteredMobile):
+    """Scans from where the base was at the start."""
+
+    def reset(self, layout: Layout) -> None:
+        super().reset(layout)
+        self.own[:3] = layout.base_pose
+
+    def lidar(self) -> Array:
+        return lidar.scan(self._world.boxes, lidar.scanner_pose(self.own[:3], LIDAR_POSITION))
+
+
+class SeesTheTarget(AlteredMobile):
+    def lidar(self) -> Array:
+        pose = lidar.scanner_pose(self.state[BASE_POSE], LIDAR_POSITION)
+        facts = KinematicScene.facts(self)
+        row = np.concatenate([np.full(3, 0.05), facts.object_position, facts.object_quaternion])
+        return np.minimum(super().lidar(), lidar.scan(row[None], pose))
+
+
+class NoBaseCollision(AlteredMobile):
+    def alter(self, facts: Facts) -> dict[str, Any]:
+        return {"collision_base": np.bool_(False)}
+
+
+class LosesBaseContact(AlteredMobile):
+    def restore(self, snapshot: bytes) -> None:
+        super().restore(snapshot)
+        self._world.base[BASE_HIT] = 0.0
+
+
+class Stalls(AlteredMobile):
+    """Stalls for good after a long way forward."""
+
+    def step(self, action: Array) -> None:
+        action = check_action(action, (9,)).copy()
+        self.own[0] += action[0] > 0.6
+        action[0] *= self.own[0] <= 12
+        super().step(action)
+
+
 def backend(make: Any, spec: SceneSpec = SPEC, modules: tuple[str, ...] = ()) -> Backend:
     capabilities = getattr(make, "changes", {}).get("capabilities", spec.capabilities)
     return Backend(spec.backend, make, spec.engine, spec.robot, modules, capabilities)
@@ -429,7 +492,7 @@ BROKEN = {
     "S13": backend(SlowArmx),
     "S14": backend(InvertedArmrz),
     "S15": backend(SlowGrip),
-    "S16": backend(SlowTurn),
+    "S16": backend(SlowTurn, MOBILE_SPEC),
     "S17": backend(Progressive),
     "S18": backend(Stutters),
     "S19": backend(Sinks),
@@ -453,11 +516,20 @@ BROKEN = {
     "S37": backend(NoChild),
     "S38": backend(OneTurnAtATime),
     "S39": backend(Slippery),
+    "S40": backend(MarkOnBase, MOBILE_SPEC),
+    "S41": backend(LeavesHandBehind, MOBILE_SPEC),
+    "S42": backend(NoVelocity, MOBILE_SPEC),
+    "S43": backend(StaleScan, MOBILE_SPEC),
+    "S44": backend(SeesTheTarget, MOBILE_SPEC),
+    "S45": backend(NoBaseCollision, MOBILE_SPEC),
+    "S46": backend(LosesBaseContact, MOBILE_SPEC),
+    "S47": backend(Stalls, MOBILE_SPEC),
 }
+MOBILE_NUMBERS = {"S16", *(f"S{i}" for i in range(40, 48))}
 INTACT = {
-    "kinematic": (backend(KinematicScene), {"S16", "S21"}),
-    "mobile": (backend(Mobile), {"S21"}),
-    "falling": (backend(Falling), {"S16"}),
-    "inexact": (backend(Inexact), {"S16", "S21"}),
+    "kinematic": (backend(KinematicScene), MOBILE_NUMBERS | {"S21"}),
+    "mobile": (backend(MobileKinematicScene, MOBILE_SPEC), {"S21"}),
+    "falling": (backend(Falling), MOBILE_NUMBERS),
+    "inexact": (backend(Inexact), MOBILE_NUMBERS | {"S21"}),
 }
 """Name -> a backend without a fault, and the numbers that do not apply to it."""

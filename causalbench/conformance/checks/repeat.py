@@ -85,7 +85,7 @@ def _replay(scene: Scene) -> Array:
     return np.vstack([row(scene.facts()), walk(scene, 2, size=0.5, grip=False)])
 
 
-def _check_restored(bench: Bench, situation: str) -> None:
+def check_restored(bench: Bench, situation: str) -> None:
     """A snapshot of the shared scene as it is now; restored here and into a new scene it must replay the same."""
     scene, allowed = bench.scene, bench.spec.restore_error
     snapshot = scene.snapshot()
@@ -110,19 +110,19 @@ def s30_snapshot_free(bench: Bench) -> None:
     To the bit with the capability "exact_restore", else within `spec.restore_error` in 15 steps.
     """
     _free(bench.scene)
-    _check_restored(bench, "in free motion")
+    check_restored(bench, "in free motion")
 
 
 def s31_snapshot_contact(bench: Bench) -> None:
     """S31. A snapshot taken while the hand presses on the table goes on the same, too."""
     press(bench.scene)
-    _check_restored(bench, "pressing on the table")
+    check_restored(bench, "pressing on the table")
 
 
 def s32_snapshot_grasp(bench: Bench) -> None:
     """S32. A snapshot taken with the box in the hand goes on the same, too."""
     grasp(bench.scene)
-    _check_restored(bench, "with the box in the hand")
+    check_restored(bench, "with the box in the hand")
 
 
 def s33_snapshot_new_process(bench: Bench) -> None:

@@ -64,13 +64,13 @@ def s04_time(bench: Bench) -> None:
 def s05_capabilities(bench: Bench) -> None:
     """S5. Capabilities are known ones, the same that the plugin registers, and truthful.
 
-    The base actions and "mobile_base" go together, and so do no "exact_restore" and a `restore_error` above 0;
-    `render` and `lidar` raise without "rgb" and "lidar".
+    The base actions, `workspace.carry` and "mobile_base" go together, as do `lidar_position` and "lidar", and no
+    "exact_restore" and a `restore_error` above 0; `render` and `lidar` raise without "rgb" and "lidar".
     """
     spec = bench.spec
     unknown = sorted(spec.capabilities - CAPABILITIES)
     expect(not unknown, f"unknown capabilities {unknown}; known: {', '.join(sorted(CAPABILITIES))}")
-    registered = bench.backend.capabilities
+    registered = bench.capabilities
     expect(
         spec.capabilities == registered,
         f"spec.capabilities is {sorted(spec.capabilities)}, but the plugin registers {sorted(registered)}",
@@ -86,6 +86,12 @@ def s05_capabilities(bench: Bench) -> None:
         f"spec.restore_error is {spec.restore_error} {'with' if exact else 'without'} the capability 'exact_restore'; "
         "it is 0 with it, and how far facts may be off after a restore without it",
     )
+    for capability, where in (("mobile_base", "workspace.carry"), ("lidar", "lidar_position")):
+        owner = spec.workspace if where.startswith("workspace") else spec
+        declared = getattr(owner, where.rpartition(".")[2]) is not None
+        expect(
+            declared == (capability in spec.capabilities), f"spec.{where} and the capability {capability!r} go together"
+        )
     for capability, call in (("rgb", lambda: bench.scene.render(64, 48)), ("lidar", bench.scene.lidar)):
         if capability in spec.capabilities:
             continue

@@ -28,25 +28,30 @@ class _Outcome:
 
 
 def evaluate(policy: StagedPolicy, env: StageTaskEnv, episodes: int, env_steps: int) -> Evaluation:
-    """`episodes` deterministic and as many sampled episodes; the box of every success is lifted and held.
+    """`episodes` deterministic and as many sampled episodes; the box of every grasp is lifted and held.
 
     `env_steps` is the training step to report. The sampled episodes use the policy's own generator.
     """
     certain = [_episode(policy, env, FIRST_SEED + i, True) for i in range(episodes)]
     sampled = [_episode(policy, env, FIRST_SEED + i, False) for i in range(episodes)]
-    successes = [outcome for outcome in (*certain, *sampled) if outcome.success]
+    grasped = [outcome for outcome in (*certain, *sampled) if outcome.success and _grasps(env)]
     returns = np.mean([outcome.returns for outcome in certain], axis=0)
     return Evaluation(
         env_steps=env_steps,
         episodes=episodes,
         success_deterministic=float(np.mean([outcome.success for outcome in certain])),
         success_sampled=float(np.mean([outcome.success for outcome in sampled])),
-        held_rate=float(np.mean([outcome.held for outcome in successes])) if successes else None,
+        held_rate=float(np.mean([outcome.held for outcome in grasped])) if grasped else None,
         reversals_per_episode=float(np.mean([outcome.reversals for outcome in certain])),
         mean_final_stage=float(np.mean([outcome.final_stage for outcome in certain])),
         mean_length=float(np.mean([outcome.length for outcome in certain])),
         term_returns=dict(zip(env.reward_names, map(float, returns), strict=True)),
     )
+
+
+def _grasps(env: StageTaskEnv) -> bool:
+    """Whether success means that the object is held."""
+    return "grip" in env.task.actions
 
 
 def _episode(policy: StagedPolicy, env: StageTaskEnv, seed: int, deterministic: bool) -> _Outcome:
@@ -63,5 +68,5 @@ def _episode(policy: StagedPolicy, env: StageTaskEnv, seed: int, deterministic: 
         over = terminated or truncated
     success = bool(info["is_success"])
     final_stage = env.task.n_stages + 1 if success else int(info["next_stage"])
-    held = success and lift_and_hold(env.scene)
+    held = success and _grasps(env) and lift_and_hold(env.scene)
     return _Outcome(success, held, reversals, final_stage, length, returns)

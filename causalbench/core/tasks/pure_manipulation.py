@@ -16,8 +16,9 @@ from causalbench.core import rotations
 from causalbench.core.broadcast import broadcast, scalar
 from causalbench.core.layout import Box, Layout, Workspace
 from causalbench.core.scene import Facts, SceneSpec
+from causalbench.core.tasks.rewards import ANGLE_SCALE, COLLISION, DISTANCE_SCALE, HORIZON, STAGE_BONUS
 from causalbench.core.tasks.stages import active_terms
-from causalbench.core.tasks.task import CausalSets, Task, Term
+from causalbench.core.tasks.task import CausalSets, Task, Term, causal_sets, named_constants
 
 Array = NDArray[np.float64]
 
@@ -37,13 +38,8 @@ TOLERANCE_HOVER = 0.02  # m
 TOLERANCE_ORI = 0.10  # rad between the approach axis and straight down
 TOLERANCE_GRASP = 0.012  # m
 
-DISTANCE_SCALE = 10.0  # reward per metre (lambda of the paper, Reward Setting)
-ANGLE_SCALE = 2.0  # reward per radian
 EARLY_CLOSE = -0.5
 GRASP = 5.0
-STAGE_BONUS = 2.0
-COLLISION = -0.5
-HORIZON = 200  # control steps
 
 ACTIONS = ("armx", "army", "armz", "armrx", "armry", "armrz", "grip")
 N_STAGES = 4
@@ -59,7 +55,11 @@ TERMS = (
     Term("r_collision_self", ALL_STAGES, False, "the robot touches itself"),
     Term("r_success", ALL_STAGES, False, "bonus for a step into a later stage or to success"),
 )
-ACTIVE = active_terms(TERMS, N_STAGES)
+# By stage and term, 0 where the term is not active. An argument of the compiled functions: those are cached on disk by
+# this file's date, so that constants from elsewhere must not be baked into them.
+SCALE = active_terms(TERMS, N_STAGES) * np.array(
+    [*[DISTANCE_SCALE] * 3, ANGLE_SCALE, DISTANCE_SCALE, 1.0, -COLLISION, -COLLISION, STAGE_BONUS]
+)
 STATE_NAMES = (
     *("pencil_box_x", "pencil_box_y", "pencil_box_z", "eefx", "eefy", "eefz", "target_eeflz"),
     *("ori1", "ori2", "ori3", "ori4", "target_ori1", "target_ori2", "target_ori3", "target_ori4"),
@@ -67,19 +67,18 @@ STATE_NAMES = (
 
 BASE_YAW = math.pi / 2
 BASE_QUATERNION = np.array([math.cos(BASE_YAW / 2), 0.0, 0.0, math.sin(BASE_YAW / 2)])
-FACE_DOWN = np.array([0.0, 0.0, 1.0, 0.0])
-"""Target posture in the base frame: approach axis down, finger closing axis along base y."""
+FACE_DOWN = rotations.FACE_DOWN
+"""Target posture in the base frame."""
 STATE_TEMPLATE = np.concatenate([np.zeros(11), FACE_DOWN])
 
-MANUAL_GRAPH: CausalSets = {
-    stage: {term: frozenset(actions.split()) for term, actions in row.items()}
-    for stage, row in {
+MANUAL_GRAPH: CausalSets = causal_sets(
+    {
         1: {"r_eefx": "army", "r_eefy": "armx", "r_eefz1": "armz", "r_gripper": "grip"},
         2: {"r_ori": "armrx armry armrz", "r_gripper": "grip"},
         3: {"r_eefz2": "armz", "r_gripper": "grip"},
         4: {"r_gripper": "grip"},
-    }.items()
-}
+    }
+)
 """The human's causal graph (paper, figure Manual Causal Graph)."""
 
 
@@ -230,36 +229,36 @@ def rewards(
         now.holding,
         now.collision_arm,
         now.collision_self,
-        ACTIVE[stage],
+        SCALE[stage],
     )
 
 
 @broadcast(
-    "f8[:], f8[:], f8[:], f8[:], f8[:], f8[:], i8, i8, f8[:], b1, b1, b1, b1[:], f8[:]",
+    "f8[:], f8[:], f8[:], f8[:], f8[:], f8[:], i8, i8, f8[:], b1, b1, b1, f8[:], f8[:]",
     "(p),(q),(p),(p),(q),(p),(),(),(k),(),(),(),(t)->(t)",
 )
 def _rewards(
     hand: Array, posture: Array, box: Array, next_hand: Array, next_posture: Array, next_box: Array, stage: int,
-    next_stage: int, action: Array, holding: bool, collision_arm: bool, collision_self: bool, active: Array, out: Array,
+    next_stage: int, action: Array, holding: bool, collision_arm: bool, collision_self: bool, scale: Array, out: Array,
 ) -> None:  # fmt: skip
     done = stage == 4 and holding
     height, next_height = hand[2] - box[2], next_hand[2] - next_box[2]
-    out[0] = DISTANCE_SCALE * (abs(hand[0] - box[0]) - abs(next_hand[0] - next_box[0]))
-    out[1] = DISTANCE_SCALE * (abs(hand[1] - box[1]) - abs(next_hand[1] - next_box[1]))
-    out[2] = DISTANCE_SCALE * (abs(height - HOVER) - abs(next_height - HOVER))
-    out[3] = ANGLE_SCALE * (_angle(posture) - _angle(next_posture))
-    out[4] = DISTANCE_SCALE * (abs(height - GRASP_HEIGHT) - abs(next_height - GRASP_HEIGHT))
+    out[0] = abs(hand[0] - box[0]) - abs(next_hand[0] - next_box[0])
+    out[1] = abs(hand[1] - box[1]) - abs(next_hand[1] - next_box[1])
+    out[2] = abs(height - HOVER) - abs(next_height - HOVER)
+    out[3] = _angle(posture) - _angle(next_posture)
+    out[4] = abs(height - GRASP_HEIGHT) - abs(next_height - GRASP_HEIGHT)
     out[5] = GRASP if done else EARLY_CLOSE if stage < 4 and action[6] > 0.0 else 0.0
-    out[6] = COLLISION if collision_arm else 0.0
-    out[7] = COLLISION if collision_self else 0.0
-    out[8] = STAGE_BONUS if next_stage > stage or done else 0.0
+    out[6] = -1.0 if collision_arm else 0.0
+    out[7] = -1.0 if collision_self else 0.0
+    out[8] = 1.0 if next_stage > stage or done else 0.0
     for term in range(9):
-        if not active[term]:
-            out[term] = 0.0
+        out[term] = scale[term] * out[term] if scale[term] > 0.0 else 0.0
 
 
-def expert(facts: Facts, spec: SceneSpec) -> Array:
+def expert(facts: Facts, spec: SceneSpec, layout: Layout | None = None) -> Array:
     """Scripted macro action (..., 7): proportional control of what the stage asks for and nothing else."""
+    del layout  # nothing is in the way
     speed = dict(zip(spec.actions, spec.action_speed, strict=True))
     gain = 0.5 / spec.control_dt
     u = stage(facts)
@@ -290,10 +289,7 @@ TASK = Task(
     terms=TERMS,
     state_names=STATE_NAMES,
     horizon=HORIZON,
-    constants={
-        name.lower(): value for name, value in list(globals().items()) if name.isupper() and isinstance(value, float)
-    }
-    | {"horizon": HORIZON},
+    constants=named_constants(globals()),
     manual_graph=MANUAL_GRAPH,
     draw_layout=draw_layout,
     state_bounds=state_bounds,

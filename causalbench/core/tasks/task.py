@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,30 @@ from causalbench.core.scene import Facts, SceneSpec
 Array = NDArray[np.float64]
 CausalSets = Mapping[int, Mapping[str, frozenset[str]]]
 """stage (1-based) -> reward term -> the actions that cause it."""
+
+
+class Expert(Protocol):
+    """The scripted macro action (..., n_actions) that proves a task solvable.
+
+    `layout` is the map it may plan on; without it, it takes the world for empty.
+    """
+
+    def __call__(self, facts: Facts, spec: SceneSpec, layout: Layout | None = None) -> Array:
+        """A pure function, like all else of a task."""
+
+
+def causal_sets(rows: Mapping[int, Mapping[str, str]]) -> CausalSets:
+    """stage -> term -> actions in one string."""
+    return {stage: {term: frozenset(actions.split()) for term, actions in row.items()} for stage, row in rows.items()}
+
+
+def named_constants(module: Mapping[str, Any]) -> dict[str, float]:
+    """The capitalised numbers among a module's globals, part of the task's identity."""
+    return {
+        name.lower(): value
+        for name, value in module.items()
+        if name.isupper() and (isinstance(value, float) or name == "HORIZON")
+    }
 
 
 @dataclass(frozen=True)
@@ -41,8 +66,9 @@ class Task:
     - `success(stage, now)`: bool (...), `stage` being U(s) before the step;
     - `rewards(previous, stage, action, now, next_stage)`: (..., n_terms), terms that are not active in `stage` =
       U(previous) are 0; call it through `stages.judge`, which computes each stage once;
-    - `expert(facts, spec)`: the scripted macro action (..., n_actions) that proves the task solvable;
-    - `requires`: scene capabilities without which the task cannot run.
+    - `expert`: see `Expert`;
+    - `requires`: scene capabilities without which the task cannot run. A task that requires "mobile_base" gets scenes
+      that were made with `mobile=True`; what it requires of "lidar" becomes part of the observation.
     """
 
     name: str
@@ -61,7 +87,7 @@ class Task:
     stage: Callable[[Facts], NDArray[np.int64]]
     success: Callable[[NDArray[np.int64], Facts], NDArray[np.bool_]]
     rewards: Callable[[Facts, NDArray[np.int64], Array, Facts, NDArray[np.int64]], Array]
-    expert: Callable[[Facts, SceneSpec], Array]
+    expert: Expert
     requires: frozenset[str] = frozenset()
 
     @property

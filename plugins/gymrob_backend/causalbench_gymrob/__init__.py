@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from causalbench.core.driving import CAPABILITIES
 from causalbench.hookspecs import Backend, hookimpl
 
 if TYPE_CHECKING:
@@ -13,14 +14,20 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 
-def make(control_hz: float = 10.0, timestep: float = 0.005) -> Scene:
+def make(control_hz: float = 10.0, timestep: float = 0.005, mobile: bool = False) -> Scene:
     """A new scene that takes `control_hz` actions per second and integrates in steps of `timestep` seconds.
+
+    With `mobile` the base drives, and there is a LiDAR.
 
     Raises `BrokenVersionError` when the installed simulator is a version that is known not to work.
     """
     from causalbench_gymrob.versions import check_versions
 
     check_versions()  # before the import below: a broken version may fail in it with an obscure message
+    if mobile:
+        from causalbench_gymrob.mobile import MobileGymrobScene
+
+        return MobileGymrobScene(control_hz, timestep)
     from causalbench_gymrob.scene import GymrobScene
 
     return GymrobScene(control_hz, timestep)
@@ -30,4 +37,4 @@ def make(control_hz: float = 10.0, timestep: float = 0.005) -> Scene:
 def causalbench_backends(register: Callable[[Backend], None]) -> None:
     """Register the backend "gymrob"."""
     modules, capabilities = ("mujoco", "gymnasium_robotics"), frozenset({"exact_restore", "physics", "rgb"})
-    register(Backend("gymrob", make, "MuJoCo", "Fetch", modules, capabilities))
+    register(Backend("gymrob", make, "MuJoCo", "Fetch", modules, capabilities, mobile_capabilities=CAPABILITIES))

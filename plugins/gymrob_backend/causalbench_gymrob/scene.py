@@ -24,9 +24,11 @@ Array = NDArray[np.float64]
 class GymrobScene(Scene):
     """Fetch and one free box among fixtures. Holds the state after `mj_step1`: poses and contacts are fresh."""
 
+    world_type: type[World] = World
+
     def __init__(self, control_hz: float = 10.0, timestep: float = 0.005) -> None:
         self.substeps = stepping.whole_substeps(control_hz, timestep)
-        self._world = World(timestep, n_fixtures=1)
+        self._world = self.world_type(timestep, n_fixtures=1)
         self.spec = SceneSpec(
             backend="gymrob",
             backend_version=__version__,
@@ -46,7 +48,8 @@ class GymrobScene(Scene):
         self._part = self.substeps // self._parts  # substeps
         self._stride = np.array(self.spec.action_speed) * self._part * timestep
         self._layout: Layout | None = None
-        self._pad_forces = np.zeros(2)
+        self._memory = np.zeros(2)  # what MuJoCo's state does not hold
+        self._pad_forces = self._memory[:2]
         self._renderer: mujoco.Renderer | None = None
 
     def reset(self, layout: Layout) -> None:
@@ -60,8 +63,8 @@ class GymrobScene(Scene):
         world = self._world
         mujoco.mj_resetData(world.model, world.data)
         finger = min(max((layout.gripper_opening - world.gap) / 2, 0.0), FINGER_STROKE)
+        world.place_base(layout.base_pose)
         for address, servo, value in (
-            (world.base, world.base_servos, layout.base_pose),
             (world.arm, world.arm_servos, joints),
             (world.fingers, world.finger_servos, finger),
         ):
@@ -111,15 +114,15 @@ class GymrobScene(Scene):
         """Layout, MuJoCo's integration state (servo targets included) and the pad forces."""
         if self._layout is None:
             raise CausalbenchError("call reset() before snapshot()")
-        return self._codec.pack(self._layout, np.concatenate([self._pad_forces, self._world.save()]).tobytes())
+        return self._codec.pack(self._layout, np.concatenate([self._memory, self._world.save()]).tobytes())
 
     def restore(self, snapshot: bytes) -> None:
         """Return to a snapshot, bit for bit. Raises `SnapshotError`."""
         layout, packed = self._codec.unpack(snapshot)
         state = np.frombuffer(packed).copy()  # MuJoCo takes no read-only memory
         self._enter(layout)
-        self._world.load(state[2:])
-        self._pad_forces[:] = state[:2]
+        self._world.load(state[len(self._memory) :])
+        self._memory[:] = state[: len(self._memory)]
 
     def render(self, width: int, height: int, camera: str = "scene") -> NDArray[np.uint8]:
         """RGB image (height, width, 3) of the camera "scene" or of one of Fetch's own, such as "head_camera_rgb"."""
@@ -154,7 +157,7 @@ class GymrobScene(Scene):
         """Give the world the boxes of `layout`; another number of fixtures needs another model."""
         if len(layout.fixtures) != len(self._world.fixtures):
             self._close_renderer()
-            self._world = World(self.spec.timestep, len(layout.fixtures))
+            self._world = self.world_type(self.spec.timestep, len(layout.fixtures))
         self._world.furnish(layout.fixtures, layout.target, layout.target_mass)
         self._layout = layout
 

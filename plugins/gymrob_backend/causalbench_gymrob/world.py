@@ -55,6 +55,10 @@ class World:
             inner.append(abs(float(body.pos[1] + geom.pos[1])) - float(geom.size[1]))
         return sum(inner)
 
+    def place_base(self, pose: Array) -> None:
+        """Put the base at `pose` (3,) and let its servos hold it there."""
+        self.qpos[self.base] = self.ctrl[self.base_servos] = pose
+
     def furnish(self, fixtures: tuple[Box, ...], target: Box, mass: float) -> None:
         """Give the fixtures their sizes and poses and the object its size and mass; as many as it was built with."""
         model = self.model

@@ -18,13 +18,13 @@ Array = NDArray[np.float64]
 _BODY_B, _LINK_A, _DISTANCE, _FORCE = 2, 3, 8, 9  # places in Bullet's contact points
 
 
-def read_contacts(world: World) -> tuple[bool, bool, bool]:
-    """Whether the arm touches a thing, the robot itself, and whether both pads press on the object.
+def read_contacts(world: World) -> tuple[bool, bool, bool, bool]:
+    """Whether base and arm touch a thing and the robot itself, and whether both pads press on the object.
 
     Contacts count that bear force or overlap; Bullet also reports those that are about to be. Touching the object is
     no collision.
     """
-    arm = itself = False
+    base = arm = itself = False
     forces = dict.fromkeys(world.fingers, 0.0)
     for point in world.contacts():
         other, link, force = point[_BODY_B], point[_LINK_A], point[_FORCE]
@@ -34,9 +34,11 @@ def read_contacts(world: World) -> tuple[bool, bool, bool]:
         elif force > 0.0 or point[_DISTANCE] <= 0.0:
             if other == world.robot:
                 itself = True
+            elif link in world.base:
+                base = True
             else:
                 arm = True
-    return arm, itself, min(forces.values()) > HOLDING_FORCE
+    return base, arm, itself, min(forces.values()) > HOLDING_FORCE
 
 
 def canonical_wxyz(quaternion: Any) -> tuple[float, float, float, float]:

@@ -25,6 +25,8 @@ N_ARM = len(fetch.JOINTS)
 class PybulletScene(Scene):
     """Fetch and one free box among fixtures. The base stands still; arm and fingers follow motor targets."""
 
+    world_type: type[World] = World
+
     def __init__(self, control_hz: float = 10.0, timestep: float = 1 / 240, solver_iterations: int = 20) -> None:
         self.substeps = stepping.whole_substeps(control_hz, timestep)
         if solver_iterations < 1:
@@ -51,6 +53,7 @@ class PybulletScene(Scene):
         self._stride = np.array(self.spec.action_speed) * self._part * timestep
         self._target = np.zeros(N_ARM)  # rad, of the arm's motors
         self._finger = 0.0  # m, of both fingers' motors
+        self._reference = np.zeros(0)  # where a base that drives shall be
         self._flags = np.zeros(4, dtype=np.bool_)  # base, arm and self-collision, holding
         self._layout: Layout | None = None
         self._base = np.zeros(3)
@@ -77,7 +80,7 @@ class PybulletScene(Scene):
         world.set_joints(np.append(joints, [finger, finger]))
         world.aim(self.motor_targets())
         world.advance(max(1, round(stepping.SETTLE / self.spec.timestep)))
-        self._flags[1:] = read_contacts(world)
+        self._read_flags()
         stepping.check_settled(self.facts(), layout)
 
     def step(self, action: Array) -> None:
@@ -95,12 +98,11 @@ class PybulletScene(Scene):
                 self._finger = min(max(target, 0.0), fetch.FINGER_STROKE)
             world.aim(self.motor_targets())
             world.advance(self._part)
-        self._flags[1:] = read_contacts(world)
+        self._read_flags()
 
     def facts(self) -> Facts:
         """What holds now. Contacts are those that the last substep was solved with, all else is the state after it."""
-        x, flags, base = read_poses(self.world, self._robot), self._flags, np.zeros(5)
-        base[:3] = self._base
+        x, flags, base = read_poses(self.world, self._robot), self._flags, self._read_base()
         return Facts(
             eef_position=x[0:3],
             eef_quaternion=x[3:7],
@@ -115,21 +117,29 @@ class PybulletScene(Scene):
             collision_self=flags[2],
         )
 
+    def _read_base(self) -> Array:
+        """Pose and velocity (5,) of the base, which stands where it was put."""
+        return np.append(self._base, [0.0, 0.0])
+
+    def _read_flags(self) -> None:
+        """Keep what touches what. Bullet finds no contacts of a base that stands: its flag is that of `_enter`."""
+        self._flags[1:] = read_contacts(self.world)[1:]
+
     def snapshot(self) -> bytes:
         """Layout, motor targets, contacts and Bullet's state with its contact memory."""
         if self._layout is None:
             raise CausalbenchError("call reset() before snapshot()")
-        ours = np.array([*self._target, self._finger, *self._flags], dtype="<f8")
+        ours = np.array([*self._target, self._finger, *self._flags, *self._reference], dtype="<f8")
         return self._codec.pack(self._layout, ours.tobytes() + self.world.save())
 
     def restore(self, snapshot: bytes) -> None:
         """Return to a snapshot, bit for bit. Raises `SnapshotError`."""
         layout, state = self._codec.unpack(snapshot)
         world = self._enter(layout)
-        size = 8 * (N_ARM + 1 + len(self._flags))
+        size = 8 * (N_ARM + 1 + len(self._flags) + len(self._reference))
         ours = np.frombuffer(state[:size], "<f8")
-        self._target[:], self._finger = ours[:N_ARM], float(ours[N_ARM])
-        self._flags[:] = ours[N_ARM + 1 :]
+        self._target[:], self._finger, rest = ours[:N_ARM], float(ours[N_ARM]), ours[N_ARM + 1 :]
+        self._flags[:], self._reference[:] = rest[: len(self._flags)], rest[len(self._flags) :]
         world.load(state[size:])
         world.aim(self.motor_targets())
 
@@ -160,7 +170,7 @@ class PybulletScene(Scene):
         shapes = shapes_of(layout)
         if self._world is None or self._world.shapes != shapes:
             self._leave()
-            self._world = World(self._robot, self.spec.timestep, self._iterations, shapes)
+            self._world = self.world_type(self._robot, self.spec.timestep, self._iterations, shapes)
         self._world.place(layout)
         self._layout, self._base = layout, np.array(layout.base_pose, dtype=np.float64)
         self._flags[0] = self._world.base_touches()

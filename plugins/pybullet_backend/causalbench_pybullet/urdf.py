@@ -22,15 +22,21 @@ Array = NDArray[np.float64]
 PREFIX = "robot0:"
 BASE, HAND = "base_link", "gripper_link"
 FINGERS = ("l_gripper_finger_link", "r_gripper_finger_link")
+RAILS = ("base_x", "base_y", "base_yaw")  # joints of a base that drives
 FIXED_JOINTS = ("torso_lift_joint", "head_pan_joint", "head_tilt_joint")
 _EFFORT = 'effort="1000" velocity="10"'  # required by the format, ignored: motors have limits of their own
 
 
 def write(mjcf: Path, folder: Path) -> None:
-    """Write `fetch.urdf`, its meshes and `fetch.json` (what else the plugin knows of the robot) into `folder`."""
+    """Write the robot, its meshes and `fetch.json` (what else the plugin knows of it) into `folder`.
+
+    In `fetch.urdf` the base is the root, in `fetch-mobile.urdf` it moves on the floor on joints of its own.
+    """
     robot = _Robot(_compile(mjcf))
-    lines = ['<robot name="fetch">', *robot.links(folder), *robot.joints(), "</robot>", ""]
-    (folder / "fetch.urdf").write_text("\n".join(lines))
+    parts = [*robot.links(folder), *robot.joints()]
+    for name, more in (("fetch", ()), ("fetch-mobile", _rails())):
+        lines = ['<robot name="fetch">', *more, *parts, "</robot>", ""]
+        (folder / f"{name}.urdf").write_text("\n".join(lines))
     (folder / "fetch.json").write_text(json.dumps(robot.facts()))
 
 
@@ -48,6 +54,20 @@ def _compile(mjcf: Path) -> mujoco.MjModel:
     for mesh in spec.meshes:
         mesh.maxhullvert = fetch.HULL_VERTICES
     return spec.compile()
+
+
+def _rails() -> Iterator[str]:
+    """Links and joints x, y and yaw between a root in the world's origin and the base."""
+    names = ("root", *RAILS[:-1], BASE)
+    light = '<inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>'
+    for name in names[:-1]:
+        yield f'<link name="{name}">{light}</link>'
+    for i, (joint, axis) in enumerate(zip(RAILS, ("1 0 0", "0 1 0", "0 0 1"), strict=True)):
+        kind, limits = ("continuous", "") if i == 2 else ("prismatic", 'lower="-100" upper="100" ')
+        yield (
+            f'<joint name="{joint}" type="{kind}"><parent link="{names[i]}"/><child link="{names[i + 1]}"/>'
+            f'<axis xyz="{axis}"/><limit {limits}{_EFFORT}/></joint>'
+        )
 
 
 class _Robot:

@@ -61,7 +61,7 @@ class World:
         self.fingers = [joint_of[name] for name in FINGER_JOINTS]
         self.joints = self.arm + self.fingers
         self.links = {"base_link": BASE} | {info[12].decode(): i for i, info in enumerate(infos)}
-        self._base = [BASE, *(self.links[name] for name in robot.base_links)]
+        self.base = [self.links["base_link"], *(self.links[name] for name in robot.base_links)]
         for first, second in robot.passing:
             pb.setCollisionFilterPair(
                 self.robot, self.robot, self.links[first], self.links[second], enableCollision=0, **self._at
@@ -157,7 +157,7 @@ class World:
         return any(
             pb.getClosestPoints(self.robot, fixture, 0.0, linkIndexA=link, **self._at)
             for fixture in self.fixtures
-            for link in self._base
+            for link in self.base
         )
 
     def save(self) -> bytes:
