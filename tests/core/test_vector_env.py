@@ -130,7 +130,7 @@ def test_a_state_goes_on_in_another_vector_environment(make_vector):
     first.reset(seed=7)
     for _ in range(20):
         first.step(expert(first))
-    before = first._observer(first._facts, first._stage)
+    before = first._observer(first._facts, first._stage, first.batch)
     obs = second.load_state(first.state())
     for key, value in before.items():
         np.testing.assert_array_equal(obs[key], value)
