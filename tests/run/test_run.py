@@ -158,8 +158,9 @@ def test_ctrl_c_leaves_no_failed_cell_and_no_process(tiny_suite: Path, command: 
     out = tmp_path / "run"
     call = [*command, *arguments(tiny_suite, out)[:-1]]
     with subprocess.Popen(
-        call, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, start_new_session=True
-    ) as process:
+        call, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a shell's background jobs ignore it
+    ) as process:  # fmt: skip
         assert process.stderr is not None
         next(line for line in process.stderr if "%" in line)  # a cell is at work
         os.killpg(process.pid, signal.SIGINT)
