@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from functools import partial
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from causalbench.core.discovery.permutation import sign_flip_p_values
 from causalbench.core.discovery.pipeline import CountingScene, discover
 from causalbench.core.discovery.settings import DiscoverySettings
 from causalbench.core.kinematic import make
+from causalbench.core.tasks.mobile_manipulation import TASK as MOBILE
 from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench.errors import UnknownNameError
 
@@ -52,6 +54,15 @@ def test_recovers_a_planted_graph(name):
 @pytest.mark.parametrize("name", DISCOVERERS)
 def test_finds_nothing_where_no_action_matters(name):
     assert not _graph(name, toy_task(_of_the_state, 2)).stages[0].matrix.any()
+
+
+@pytest.mark.parametrize("name", PAIRED)
+def test_pairs_are_taken_where_the_environment_scans(name):
+    """Mobile manipulation observes a LiDAR; its first stage is decided by driving alone (closed form of the base)."""
+    settings = dataclasses.replace(SMALL, discoverer=name, paired_env_steps=400, permutation_states=40)
+    graph = discover(MOBILE, partial(make, mobile=True), settings, 0, _quiet)
+    assert graph.stages[0].causal_actions()[0] == "forward"
+    assert not graph.stages[0].matrix[2:, 0].any()  # the arm does not move the base
 
 
 @pytest.mark.parametrize("name", PAIRED)

@@ -10,6 +10,7 @@ from functools import partial
 from importlib.metadata import version
 
 import numpy as np
+from numpy.typing import NDArray
 
 from causalbench.core.discovery.calibration import calibrate
 from causalbench.core.discovery.collect import Samples, StageSamples
@@ -93,6 +94,14 @@ class CountingScene(Scene):
     def restore(self, snapshot: bytes) -> None:
         """See `Scene`."""
         self.scene.restore(snapshot)
+
+    def render(self, width: int, height: int, camera: str = "scene") -> NDArray[np.uint8]:
+        """See `Scene`."""
+        return self.scene.render(width, height, camera)
+
+    def lidar(self) -> Array:
+        """See `Scene`."""
+        return self.scene.lidar()
 
     def close(self) -> None:
         """See `Scene`."""
