@@ -107,6 +107,12 @@ def test_exploding_losses_name_step_and_stage(name):
         _train(name, settings=settings)
 
 
+def test_exploding_losses_of_ppo_name_step_and_stage():
+    settings = dataclasses.replace(TINY_PPO, learning_rate=1e30)
+    with pytest.raises(DivergedError, match=r"env step \d+, stage 1: loss is not finite after \d+ updates"):
+        _train("mPPO", settings=settings)
+
+
 def test_settings_of_the_other_learner_are_refused():
     with pytest.raises(UserError, match="method 'mPPO' takes PPOSettings, got SACSettings"):
         train(TASK, make, METHOD["mPPO"], None, TINY, ONE_LOOK, 10, 0, lambda *a: None, lambda *a: None)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any, Protocol
 
 import numpy as np
@@ -12,6 +13,7 @@ from torch import Tensor
 
 from causalbench.core.env import Observation
 from causalbench.core.learners.policy import StagedPolicy
+from causalbench.errors import DivergedError
 
 State = dict[str, Any]
 """All that a continuation needs, flat: tensors, and values that JSON keeps exactly (numbers, texts, lists, dicts)."""
@@ -42,6 +44,15 @@ class StagedLearner(Protocol):
 
     def load_state(self, state: State) -> None:
         """Go on as the learner that `state` came from, one made with the same arguments."""
+
+
+@contextmanager
+def diverging_in(stage: int) -> Iterator[None]:
+    """A `DivergedError` from within names the stage."""
+    try:
+        yield
+    except DivergedError as error:
+        raise DivergedError(f"stage {stage}: {error}") from error
 
 
 def prefixed(prefix: str, state: Mapping[str, Any]) -> State:

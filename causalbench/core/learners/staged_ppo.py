@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from causalbench.core.discovery.graph import CausalGraph
 from causalbench.core.env import Observation
 from causalbench.core.learners.causal_gradient import stage_plan
-from causalbench.core.learners.learner import State, below, prefixed
+from causalbench.core.learners.learner import State, below, diverging_in, prefixed
 from causalbench.core.learners.methods import Method
 from causalbench.core.learners.policy import ObservationScale, StagedPolicy
 from causalbench.core.learners.ppo_agent import PPOAgent
@@ -81,7 +81,8 @@ class StagedPPO:
             return
         for stage, agent in enumerate(self.agents, 1):
             agent.collect(self.rollout.steps, stage)
-            agent.train()
+            with diverging_in(stage):
+                agent.train()
         self.rollout.length = 0
 
     def updates(self) -> dict[int, int]:

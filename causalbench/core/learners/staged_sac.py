@@ -12,14 +12,13 @@ from numpy.typing import NDArray
 from causalbench.core.discovery.graph import CausalGraph
 from causalbench.core.env import Observation
 from causalbench.core.learners.causal_gradient import stage_plan
-from causalbench.core.learners.learner import State, below, prefixed
+from causalbench.core.learners.learner import State, below, diverging_in, prefixed
 from causalbench.core.learners.methods import Method
 from causalbench.core.learners.policy import ObservationScale, StagedPolicy
 from causalbench.core.learners.replay import Batch
 from causalbench.core.learners.sac_agent import SACAgent
 from causalbench.core.learners.settings import SACSettings
 from causalbench.core.tasks.task import Task
-from causalbench.errors import DivergedError
 
 
 class StagedSAC:
@@ -99,10 +98,8 @@ class StagedSAC:
                 agent.buffer.new = 0
                 # The next critic says nothing about this stage's states until it has seen data of its own.
                 ready = self.method.cooperation and following is not None and following.buffer.size >= starts
-                try:
+                with diverging_in(stage):
                     agent.train(steps, following if ready else None)
-                except DivergedError as error:
-                    raise DivergedError(f"stage {stage}: {error}") from error
 
     def updates(self) -> dict[int, int]:
         """Stage -> gradient updates so far."""
