@@ -61,6 +61,12 @@ class EvaluationSettings:
     episodes: int = 20  # per evaluation, deterministic and sampled each
     final_episodes: int = 50  # after the last step
 
+    def episodes_due(self, before: int, taken: int, env_steps: int) -> int:
+        """Episodes of the evaluation that the steps from `before` to `taken` of `env_steps` make due; 0 if none."""
+        if taken >= env_steps:
+            return self.final_episodes
+        return self.episodes if taken // self.every > before // self.every else 0
+
 
 PRESETS: Mapping[str, Mapping[str, LearnerSettings]] = {
     "SAC": {

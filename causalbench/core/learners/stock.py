@@ -151,15 +151,14 @@ class _Watch(BaseCallback):
     def _on_step(self) -> bool:
         env: Any = self.training_env
         counts: TrainingCounts = env.counter.counts
-        taken, final, every = counts.env_steps, counts.env_steps >= self.env_steps, self.evaluation.every
+        taken = counts.env_steps
         self.on_progress(min(1.0, taken / self.env_steps), f"stage {int(env.stage.max())}")
-        if final or taken // every > (taken - env.num_envs) // every:
+        if episodes := self.evaluation.episodes_due(taken - env.num_envs, taken, self.env_steps):
             show(self.model, self.policy)  # type: ignore[arg-type]
             updates = _updates(self.model)  # type: ignore[arg-type]
             counts.updates = dict.fromkeys(range(1, self.judge_env.task.n_stages + 1), updates)
-            episodes = self.evaluation.final_episodes if final else self.evaluation.episodes
             self.on_evaluation(evaluate(self.policy, self.judge_env, episodes, taken), counts)
-        return not final
+        return taken < self.env_steps
 
 
 def show(model: SAC | PPO, policy: StagedPolicy) -> None:

@@ -108,13 +108,11 @@ def train(
                 kept = f"; last good checkpoint, of step {saved}: {checkpoints.path}" if checkpoints and saved else ""
                 raise DivergedError(f"env step {taken}, {error}{kept}") from error
             on_progress(min(1.0, taken / env_steps), f"stage {int(obs['stage'].max()) + 1}")
-            final = taken >= env_steps
-            if final or taken // evaluation.every > before // evaluation.every:
+            if episodes := evaluation.episodes_due(before, taken, env_steps):
                 counter.counts.updates = learner.updates()
-                episodes = evaluation.final_episodes if final else evaluation.episodes
                 history.append(evaluate(learner.policy, judge_env, episodes, taken))
                 on_evaluation(history[-1], counter.counts)
-            if checkpoints and not final and taken // checkpoints.every > before // checkpoints.every:
+            if checkpoints and taken < env_steps and taken // checkpoints.every > before // checkpoints.every:
                 state = prefixed("env", env.state()) | prefixed("learner", learner.state())
                 state |= prefixed("counter", counter.state())
                 state["evaluations"] = [dataclasses.asdict(record) for record in history]
