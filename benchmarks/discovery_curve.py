@@ -46,7 +46,8 @@ class Subset:
         count = self.settings.training_count
         inference = self.whole.inference.first(round(self.settings.inference_fraction * count))
         interventions = tuple(samples.first(count) for samples in self.whole.interventions)
-        return StageSamples(self.whole.random.first(count), inference, interventions)
+        extra = self.whole.extra and self.whole.extra.first(count)
+        return StageSamples(self.whole.random.first(count), inference, interventions, extra)
 
     def scene(self) -> Scene:
         """Never asked for by `kl`."""

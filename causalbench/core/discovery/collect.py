@@ -73,19 +73,23 @@ class Samples:
 
 @dataclass(frozen=True)
 class StageSamples:
-    """All that Algorithm 1 collects in one stage; `interventions[k]` is D_do[a_k], placebos last, all of one length.
+    """All that Algorithm 1 collects in one stage; `interventions[k]` is D_do[a_k], all of one length with `extra`.
 
-    `notes` says what is unusual about them, a sentence each.
+    `extra` is one more random set, which placebos are drawn into; None without placebos. `notes` says what is unusual
+    about them, a sentence each.
     """
 
     random: Samples
     inference: Samples
     interventions: tuple[Samples, ...]
+    extra: Samples | None = None
     notes: tuple[str, ...] = ()
 
     def digest(self) -> str:
         """SHA-256 of the raw data, hex."""
-        parts = (self.random, self.inference, *self.interventions)
+        parts = [self.random, self.inference, *self.interventions]
+        if self.extra is not None:
+            parts.append(self.extra)
         return hashlib.sha256("".join(samples.digest() for samples in parts).encode()).hexdigest()
 
 
@@ -149,5 +153,6 @@ def collect(
 
 
 def model_inputs(task: Task, facts: Facts) -> Floats:
-    """(n, n_state + 1) what the reward model sees of the state: all that the rewards depend on."""
-    return np.column_stack([task.observe(facts), facts.gripper_opening]).astype(np.float32)
+    """(..., n_state + 1) what the reward model sees of the state: all that the rewards depend on."""
+    opening = np.asarray(facts.gripper_opening)[..., None]
+    return np.concatenate([task.observe(facts), opening], axis=-1).astype(np.float32)

@@ -209,13 +209,12 @@ class Collection:
                 if len(samples) < max(2, LEAST_SHARE * stream.count):
                     raise UndecidedStageError(note)
                 notes.append(note)
-        random, inference, interventions = found[0], found[1], found[2 : 2 + n_actions]
-        # No scene sees a placebo, so holding one at 0 is just another random draw with its column set to 0.
-        interventions += [found[-1].without(n_actions + p) for p in range(settings.n_placebos)]
-        shortest = min(map(len, interventions))
+        shortest = min(len(samples) for samples in found[2:])
+        random, inference, *others = found[:2] + [samples.first(shortest) for samples in found[2:]]
         if settings.sequence_length > 1 and len(np.unique(random.sequence)) == len(random):
             notes.append("every random step left the stage, so that each sample is a first step")
-        return StageSamples(random, inference, tuple(s.first(shortest) for s in interventions), tuple(notes))
+        extra = others[n_actions] if settings.n_placebos else None
+        return StageSamples(random, inference, tuple(others[:n_actions]), extra, tuple(notes))
 
 
 def _size(recipe: Recipe) -> int:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from causalbench.core.discovery.collect import model_inputs
 from causalbench.core.env import StageTaskEnv
 from causalbench.core.scene import Facts, Scene
 from causalbench.core.tasks.stages import Transition, judge
@@ -81,7 +82,7 @@ class Walk:
 
     def model_inputs(self) -> NDArray[np.float32]:
         """(n_state + 1,) the visited state, as in `Samples`."""
-        return np.append(self.task.observe(self._before), self._before.gripper_opening).astype(np.float32)
+        return model_inputs(self.task, self._before)
 
 
 def effects(

@@ -29,11 +29,11 @@ def discover_stage(problem: StageProblem) -> StageGraph:
     from causalbench.core.discovery.reward_model import train_reward_models
 
     data, settings, n_actions = problem.samples(), problem.settings, len(problem.task.actions)
-    training = [(data.random, do) for do in data.interventions[:n_actions]]
-    if settings.n_placebos:
+    training = [(data.random, do) for do in data.interventions]
+    if data.extra is not None:
         rng = np.random.default_rng([problem.seed, problem.stage, PLACEBO_STREAM])
         for _ in range(settings.placebo_sets):
-            random, extra = (placebo_copy(s, n_actions, rng) for s in (data.random, data.interventions[-1]))
+            random, extra = (placebo_copy(s, n_actions, rng) for s in (data.random, data.extra))
             training.append((random, extra))
     models = train_reward_models(
         training,
