@@ -1,6 +1,6 @@
 """Starts, motions and measurements that several checks share.
 
-All starts come from the layouts of pure manipulation, drawn with fixed seeds.
+Starts come from the layouts of a task, pure manipulation unless another is named, drawn with fixed seeds.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from causalbench.core import rotations
 from causalbench.core.layout import Layout
 from causalbench.core.scene import ACTION_SPEED, Facts, Scene
 from causalbench.core.tasks import pure_manipulation as task
+from causalbench.core.tasks.task import Task
 from causalbench.errors import UnreachableLayoutError
 
 Array = NDArray[np.float64]
@@ -52,11 +53,11 @@ def act(scene: Scene, count: int, **values: float) -> Facts:
     return scene.facts()
 
 
-def draws(scene: Scene, seed: int, stage: int) -> Iterator[Layout]:
-    """`MAX_DRAWS` layouts of the task; whether the arm can take them is not yet known."""
+def draws(scene: Scene, seed: int, stage: int, of: Task = task.TASK, count: int = MAX_DRAWS) -> Iterator[Layout]:
+    """`count` layouts of the task `of`; whether the arm can take them is not yet known."""
     rng = np.random.default_rng(seed)
-    for _ in range(MAX_DRAWS):
-        yield task.draw_layout(rng, scene.spec.workspace, scene.spec.max_opening, stage)
+    for _ in range(count):
+        yield of.draw_layout(rng, scene.spec.workspace, scene.spec.max_opening, stage)
 
 
 def accepts(scene: Scene, layout: Layout) -> bool:
@@ -73,16 +74,16 @@ def touches(facts: Facts) -> bool:
     return bool(facts.collision_base or facts.collision_arm or facts.collision_self or facts.holding)
 
 
-def start(scene: Scene, seed: int, stage: int = 1) -> Layout:
+def start(scene: Scene, seed: int, stage: int = 1, of: Task = task.TASK, count: int = MAX_DRAWS) -> Layout:
     """Put the scene into the first start of `stage` that it accepts free of contact, as an environment does."""
-    for layout in draws(scene, seed, stage):
+    for layout in draws(scene, seed, stage, of, count):
         if accepts(scene, layout):
             facts = scene.facts()
-            if not touches(facts) and int(task.stage(facts)) == stage:
+            if not touches(facts) and int(of.stage(facts)) == stage:
                 return layout
     raise AssertionError(
-        f"no start of stage {stage} in {MAX_DRAWS} draws (seed {seed}): each was refused by reset, in contact or "
-        "not in that stage; check `spec.workspace`"
+        f"no start of stage {stage} in {count} draws of {of.name} (seed {seed}): each was refused by reset, in "
+        "contact or not in that stage; check `spec.workspace`"
     )
 
 
