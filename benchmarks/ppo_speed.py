@@ -7,7 +7,6 @@ are the agents of cmmPPO, averaged over their four stages.
 from __future__ import annotations
 
 import statistics
-import time
 from collections.abc import Callable
 
 import gymnasium as gym
@@ -15,6 +14,7 @@ import numpy as np
 import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.logger import configure
+from timing import seconds_per_update
 
 from causalbench.core.discovery.graph import manual_graph
 from causalbench.core.learners.causal_gradient import stage_plan
@@ -83,14 +83,7 @@ def main() -> None:
         size = (net_arch, batch_size, passes)
         rivals = {"SB3 PPO": sb3(*size), "mPPO": ours("mPPO", 1, *size)}
         rivals |= {f"cmmPPO stage {i}": ours("cmmPPO", i, *size) for i in (1, 2, 3, 4)}
-        seconds: dict[str, list[float]] = {name: [] for name in rivals}
-        updates = passes * SAMPLES // batch_size
-        for _ in range(TURNS):
-            for name, train in rivals.items():
-                start = time.perf_counter()
-                train()
-                seconds[name].append((time.perf_counter() - start) / updates)
-        medians = {name: statistics.median(values) for name, values in seconds.items()}
+        medians = seconds_per_update(rivals, passes * SAMPLES // batch_size, TURNS)
         causal = statistics.mean(value for name, value in medians.items() if name.startswith("cmm"))
         stock = medians["SB3 PPO"]
         print(f"networks {net_arch}, batch {batch_size}: SB3's PPO {1 / stock:.0f} updates/s")

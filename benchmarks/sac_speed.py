@@ -7,14 +7,15 @@ causal rows are the agents of cmmSAC, averaged over their four stages; their cri
 from __future__ import annotations
 
 import statistics
-import time
 from collections.abc import Callable
+from functools import partial
 
 import gymnasium as gym
 import numpy as np
 import torch
 from stable_baselines3 import SAC
 from stable_baselines3.common.logger import configure
+from timing import seconds_per_update
 
 from causalbench.core.discovery.graph import manual_graph
 from causalbench.core.learners.causal_gradient import stage_plan
@@ -69,13 +70,8 @@ def main() -> None:
     for net_arch, batch_size, updates in SETTINGS:
         rivals = {"SB3 SAC": sb3(net_arch, batch_size), "mSAC": ours("mSAC", 1, net_arch, batch_size)}
         rivals |= {f"cmmSAC stage {i}": ours("cmmSAC", i, net_arch, batch_size) for i in (1, 2, 3, 4)}
-        seconds: dict[str, list[float]] = {name: [] for name in rivals}
-        for _ in range(TURNS):
-            for name, train in rivals.items():
-                start = time.perf_counter()
-                train(updates)
-                seconds[name].append((time.perf_counter() - start) / updates)
-        medians = {name: statistics.median(values) for name, values in seconds.items()}
+        work = {name: partial(train, updates) for name, train in rivals.items()}
+        medians = seconds_per_update(work, updates, TURNS)
         causal = statistics.mean(value for name, value in medians.items() if name.startswith("cmm"))
         stock = medians["SB3 SAC"]
         print(f"networks {net_arch}, batch {batch_size}: SB3's SAC {1 / stock:.0f} updates/s")

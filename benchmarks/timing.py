@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,15 @@ def timed(work: Callable[[], object]) -> float:
     start = time.perf_counter()
     work()
     return time.perf_counter() - start
+
+
+def seconds_per_update(rivals: Mapping[str, Callable[[], object]], updates: int, turns: int) -> dict[str, float]:
+    """Median seconds of an update of each rival; they take turns, and one call does `updates` of them."""
+    seconds: dict[str, list[float]] = {name: [] for name in rivals}
+    for _ in range(turns):
+        for name, train in rivals.items():
+            seconds[name].append(timed(train) / updates)
+    return {name: statistics.median(values) for name, values in seconds.items()}
 
 
 def random_actions(seed: int, count: int) -> Array:
