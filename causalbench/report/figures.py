@@ -116,11 +116,7 @@ def draw_kl(graph: CausalGraph) -> Figure:
             dark = norm(max(value, 1e-9)) < 0.55
             ax.text(column, row, _short(value), ha="center", va="center", fontsize=8, color="w" if dark else "k")
     for column in np.flatnonzero(~tested):
-        ax.add_patch(
-            Rectangle(
-                (column - 0.5, -0.5), 1, len(actions), facecolor="#EEEEEE", edgecolor="#999999", hatch="///", lw=0
-            )
-        )
+        ax.add_patch(Rectangle((column - 0.5, -0.5), 1, len(actions), **UNTESTED))
     _stage_lines(ax, columns)
     for column, (stage, j) in enumerate(columns):
         for row in np.flatnonzero(stage.matrix[:, j]):
