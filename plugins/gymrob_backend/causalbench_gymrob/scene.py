@@ -1,4 +1,4 @@
-"""`GymrobScene`: Fetch behind the `Scene` contract. The model is in `model.py`, what is read back in `reading.py`."""
+"""`GymrobScene`: Fetch behind the `Scene` contract. The model is in `model.py`; core's `readings.py` reads it."""
 
 from __future__ import annotations
 
