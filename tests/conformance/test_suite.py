@@ -46,7 +46,7 @@ def test_a_workspace_larger_than_the_reach_fails_one_line_and_the_message_says_w
     assert list(failed) == ["S12"], failed
     assert re.fullmatch(
         r"reset accepted only \d+ of 40 starts, half are needed: \d+ refused by reset\. The last refusal: "
-        r'"the arm cannot reach .*"\. Is `spec.workspace` what the arm can reach\?',
+        r'"hand at .* lies above the reach limit .*"\. Is `spec.workspace` what the arm can reach\?',
         failed["S12"],
     ), failed["S12"]
 
