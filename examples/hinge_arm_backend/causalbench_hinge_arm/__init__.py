@@ -1,4 +1,4 @@
-"""The causalbench backend "hinge_arm". Importing this imports no simulator: S36 of the contract."""
+"""A causalbench backend. Importing this imports no simulator: S36 of the contract."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ CAPABILITIES = frozenset({"exact_restore", "physics"})
 
 
 def make() -> Scene:
-    """A new scene; parameters with defaults become options: `causalbench check hinge_arm --option parameter=value`."""
+    """A new scene."""
     from causalbench_hinge_arm.scene import HingeArmScene
 
     return HingeArmScene()
@@ -24,6 +24,5 @@ def make() -> Scene:
 
 @hookimpl
 def causalbench_backends(register: Callable[[Backend], None]) -> None:
-    """Register the backend "hinge_arm"."""
-    # A line of the contract that cannot hold is data, with its reason: known_gaps={"S30": "the warm start is hidden"}.
+    """Register the backend."""
     register(Backend("hinge_arm", make, ENGINE, ROBOT, MODULES, CAPABILITIES))

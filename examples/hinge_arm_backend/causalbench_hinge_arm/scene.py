@@ -6,12 +6,12 @@ from importlib import metadata, resources
 
 import mujoco
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
 from causalbench.core import arm_ik, rotations, stepping
 from causalbench.core.layout import Box, Layout, Workspace
 from causalbench.core.scene import ACTION_SPEED, Facts, Scene, SceneSpec, check_action
 from causalbench.core.snapshots import SnapshotCodec
-from numpy.typing import NDArray
-
 from causalbench_hinge_arm import CAPABILITIES, ENGINE, ROBOT
 
 Array = NDArray[np.float64]
@@ -28,7 +28,7 @@ MJCF = resources.files(__package__).joinpath("arm.xml").read_text()
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 
 
-def _numbers(**values: Array) -> str:
+def _numbers(**values: ArrayLike) -> str:
     return " ".join(f'{name}="{" ".join(map(repr, np.asarray(value).tolist()))}"' for name, value in values.items())
 
 
