@@ -24,8 +24,9 @@ def solved_starts(
 ) -> NDArray[np.bool_]:
     """Bool (starts,): from which starts of `stage` the expert gets further with `actions` (stage -> names) alone.
 
-    In stage i every action outside `actions[i]` is sent as 0; the expert has the map. Solved means a step into a later stage than `stage`, or
-    success, within `task.horizon` steps; who is thrown back goes on with the actions of the stage he is in.
+    In stage i every action outside `actions[i]` is sent as 0; the expert has the map. Solved means a step into a later
+    stage than `stage`, or success, within `task.horizon` steps; who is thrown back goes on with the actions of the
+    stage he is in.
     Start i is the same whatever the actions, and the same seed in every simulator.
     """
     allowed = np.array([[a in actions.get(s, ()) for a in task.actions] for s in range(task.n_stages + 1)])
