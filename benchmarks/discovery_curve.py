@@ -3,7 +3,7 @@
     python benchmarks/discovery_curve.py --backends kinematic gymrob --seeds 0 1 2 3 4
 
 Up to 3,000 samples a set are the first of those that the discovery of that backend and seed kept, whose graph stands
-for `kl` at 3,000; only for 10,000 is more collected, of which they are the first, too (`nested` says whether that is so).
+for `kl` at 3,000; only for 10,000 is more collected, of which they are the first, too (`nested`: whether that is so).
 Writes docs/figures/discovery_curve.svg.
 """
 
