@@ -104,7 +104,7 @@ def main() -> None:
     """Run what is missing and print the summary."""
     args = options(__doc__, NAME, ("kinematic",), 20).parse_args()
     torch.set_num_threads(1)
-    missing = [seed for seed in args.seeds if not (args.work / f"{seed:02d}.csv").exists()]
+    missing = [seed for seed in args.seeds if args.backends and not (args.work / f"{seed:02d}.csv").exists()]
     true = truth() if missing else []
     for seed in missing:
         measured(args.work / f"{seed:02d}.csv", lambda s=seed: edges(graph_of(s, args.discoveries), true, s))
