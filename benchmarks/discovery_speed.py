@@ -14,7 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 import torch
-from discovery_curve import Subset
+from discoveries import Subset
 from torch import nn
 from torch.utils.data import DataLoader, TensorDataset
 
