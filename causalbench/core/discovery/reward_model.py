@@ -82,7 +82,9 @@ def fit_reward_models(
     targets = targets.permute(0, 2, 1).reshape(n_actions * n_terms, -1, 1)
 
     weights = _initial_weights(n_actions * n_terms, inputs.shape[2], generator)
-    best_weights = [w.detach().clone() for w in weights]
+    for w in weights:
+        w.grad = torch.empty_like(w)
+    best_weights = [w.clone() for w in weights]
     best_loss = torch.full((n_actions * n_terms,), math.inf)
     optimizer = torch.optim.Adam(weights, settings.learning_rate, fused=True)
     order = torch.randperm(inputs.shape[1], generator=generator)
@@ -90,22 +92,23 @@ def fit_reward_models(
     held_out, train = order[:n_held_out], order[n_held_out:]
     log_sigma_min = math.log(settings.sigma_train)
 
-    def loss(rows: Tensor) -> Tensor:
-        x = inputs[:, rows].repeat_interleave(n_terms, 0)
-        return _negative_log_likelihood(_forward(weights, x), targets[:, rows], log_sigma_min)
+    def batch(rows: Tensor) -> Tensor:
+        return inputs[:, rows].repeat_interleave(n_terms, 0)
 
+    space: dict[int, list[Tensor]] = {}  # by batch size
     stale = epoch = 0
     for epoch in range(1, settings.max_epochs + 1):
         shuffled = train[torch.randperm(len(train), generator=generator)]
         for rows in torch.split(shuffled, settings.batch_size):
-            optimizer.zero_grad(set_to_none=True)
-            loss(rows).sum().backward()  # type: ignore[no-untyped-call]
+            if len(rows) not in space:
+                space[len(rows)] = [torch.empty(n_actions * n_terms, len(rows), width) for width in HIDDEN * 2]
+            _set_gradients(weights, batch(rows), targets[:, rows], log_sigma_min, space[len(rows)])
             optimizer.step()
         on_progress(epoch / settings.max_epochs)
         if not settings.patience:
             continue
         with torch.no_grad():
-            now = loss(held_out)
+            now = _negative_log_likelihood(_forward(weights, batch(held_out)), targets[:, held_out], log_sigma_min)
             better = now < best_loss
             best_loss = torch.where(better, now, best_loss)
             for kept, w in zip(best_weights, weights, strict=True):
@@ -113,8 +116,7 @@ def fit_reward_models(
         stale = 0 if better.float().mean() > 0.2 else stale + 1
         if stale >= settings.patience:
             break
-    kept_weights = best_weights if settings.patience else [w.detach() for w in weights]
-    return RewardModels(kept_weights, mean, scale, n_terms, log_sigma_min, epoch)
+    return RewardModels(best_weights if settings.patience else weights, mean, scale, n_terms, log_sigma_min, epoch)
 
 
 def scaled_rewards(samples: Samples, reference: Samples) -> NDArray[np.float32]:
@@ -133,7 +135,7 @@ def _initial_weights(pairs: int, n_inputs: int, generator: torch.Generator) -> l
         bound = 1 / math.sqrt(fan_in)  # torch.nn.Linear's own initialisation
         for rows in (fan_in, 1):
             uniform = torch.rand(pairs, rows, fan_out, generator=generator)
-            weights.append(((uniform * 2 - 1) * bound).requires_grad_())
+            weights.append((uniform * 2 - 1) * bound)
     return weights
 
 
@@ -142,6 +144,30 @@ def _forward(weights: list[Tensor], x: Tensor) -> Tensor:
     for kernel, bias in zip(weights[:-2:2], weights[1:-2:2], strict=True):
         x = torch.baddbmm(bias, x, kernel).relu()
     return torch.baddbmm(weights[-1], x, weights[-2])
+
+
+@torch.no_grad()
+def _set_gradients(
+    weights: list[Tensor], x: Tensor, target: Tensor, log_sigma_min: float, space: Sequence[Tensor]
+) -> None:
+    """Set the gradient of the summed loss of a batch (pairs, n, d) in every weight, working in `space`.
+
+    Backpropagation written out: autograd does the same products, to the bit, but takes new memory for each, and memory
+    is what this waits for. `space` has two tensors of every hidden layer's shape.
+    """
+    layers = [x]
+    for kernel, bias, out in zip(weights[:-2:2], weights[1:-2:2], space[: len(HIDDEN)], strict=True):
+        layers.append(torch.baddbmm(bias, layers[-1], kernel, out=out).relu_())
+    prediction = torch.baddbmm(weights[-1], layers[-1], weights[-2]).requires_grad_()
+    with torch.enable_grad():
+        loss = _negative_log_likelihood(prediction, target, log_sigma_min).sum()
+    (gradient,) = torch.autograd.grad(loss, prediction)
+    for i in reversed(range(len(layers))):
+        torch.bmm(layers[i].mT, gradient, out=weights[2 * i].grad)
+        torch.sum(gradient, 1, keepdim=True, out=weights[2 * i + 1].grad)
+        if i:
+            gradient = torch.bmm(gradient, weights[2 * i].mT, out=space[len(HIDDEN) + i - 1])
+            torch.ops.aten.threshold_backward.grad_input(gradient, layers[i], 0, grad_input=gradient)
 
 
 def _negative_log_likelihood(out: Tensor, target: Tensor, log_sigma_min: float) -> Tensor:
