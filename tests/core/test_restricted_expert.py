@@ -83,10 +83,8 @@ def test_a_restricted_driver_plans_on_the_map(backend: str) -> None:
 
 def test_driving_can_stand_in_for_the_arm_in_the_plane() -> None:
     """What discovery finds in stage 3 of mobile manipulation is complete; what it finds in stage 1 is not."""
-    task, discovered = (
-        mobile_manipulation.TASK,
-        {1: ("forward",), 2: ("forward", "turn"), 3: ("forward", "turn", "armz")},
-    )
+    task = mobile_manipulation.TASK
+    discovered = {1: ("forward",), 2: ("forward", "turn"), 3: ("forward", "turn", "armz")}
 
     def expert(facts, spec, layout=None):
         """As the task's; in stage 3 the base brings the hand to the target, but for the height."""
