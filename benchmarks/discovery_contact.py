@@ -104,7 +104,8 @@ def main() -> None:
     args = options(__doc__, NAME, ("gymrob", "robosuite", "pybullet"), 5).parse_args()
     for backend in args.backends:
         measured(args.work / "pairs" / f"{backend}.csv", partial(pairs, backend))
-        measured(args.work / "inputs" / f"{backend}.csv", partial(inputs, backend, [*args.seeds], args.discoveries))
+        if len(args.seeds) > 1:
+            measured(args.work / "inputs" / f"{backend}.csv", partial(inputs, backend, [*args.seeds], args.discoveries))
     for name in ("pairs", "inputs"):
         print(put_together(args.work / name, f"{NAME}_{name}", args.docs).round(4).to_string(index=False))
 
