@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from discoveries import BACKENDS, DOCS, Row, judged, measured, read_graph, read_truth
-from discovery_calibration import p_values_of_absent_edges
+from discovery_calibration import FDR, p_values_of_absent_edges
 from discovery_calibration import summary as calibration_summary
 from discovery_methods import summary as methods_summary
 
@@ -83,9 +83,12 @@ def matrices(frames: Frames) -> pd.DataFrame:
         return ", ".join(named)
 
     table = edges.groupby(["stage", "reward", "backend"], sort=False)[["action", "seed", "selected"]].apply(causes)
-    wide = table.unstack("backend").reset_index()
+    order = pd.MultiIndex.from_frame(edges[["stage", "reward"]].drop_duplicates())
+    wide = table.unstack("backend").loc[order].reset_index()
     seeds = edges.groupby("backend", sort=False)["seed"].nunique()
-    return wide[["stage", "reward", *seeds.index]].rename(columns={b: f"{b}, {n} seeds" for b, n in seeds.items()})
+    return wide[["stage", "reward", *seeds.index]].rename(
+        columns={b: f"{b}, {n} seed{'s' * (n > 1)}" for b, n in seeds.items()}
+    )
 
 
 def scores(frames: Frames) -> pd.DataFrame:
@@ -99,6 +102,21 @@ def scores(frames: Frames) -> pd.DataFrame:
         row |= {"strong edges found, stages 1-3": _share(strong[strong["stage"] < 4], "selected")}
         row |= {"strong edges found, stage 4": _share(strong[strong["stage"] == 4], "selected")}
         rows.append(row | {"absent edges selected": _share(absent, "selected")})
+    return pd.DataFrame(rows)
+
+
+def selections(frames: Frames) -> pd.DataFrame:
+    """Edges that Algorithm 2 and the placebos' cut select from the same fits, by the oracle's grade."""
+    edges = frames["discovery_edges"]
+    cuts = {"paper": edges["selected"], "fdr": (edges["q_value"] <= FDR).astype(int)}
+    rows = []
+    for backend in dict.fromkeys(edges["backend"]):
+        for name, chosen in cuts.items():
+            row = Row(backend=backend, select=name)
+            for grade in ("strong", "weak", "absent"):
+                here = chosen[(edges["backend"] == backend) & (edges["grade"] == grade)]
+                row[grade] = f"{here.sum()} of {len(here)}"
+            rows.append(row)
     return pd.DataFrame(rows)
 
 
@@ -207,6 +225,14 @@ def paper(frames: Frames) -> pd.DataFrame:
     return _round(frames["discovery_paper"][names].fillna(""), f1=2, f1_stages_1_3=2)
 
 
+def motion(frames: Frames) -> pd.DataFrame:
+    """Share of closing steps that end in a grasp, by fifths of each arm action's range."""
+    table = frames["discovery_contact_motion"]
+    fifths = [f"fifth_{i}" for i in range(1, 6)]
+    names = ["-1 to -0.6", "to -0.2", "to 0.2", "to 0.6", "to 1"]
+    return _round(table, **dict.fromkeys(fifths, 3)).rename(columns=dict(zip(fifths, names, strict=True)))
+
+
 def pairs(frames: Frames) -> pd.DataFrame:
     """Grasps lost and gained with an action at 0."""
     return frames["discovery_contact_pairs"]
@@ -242,6 +268,7 @@ def cheap(frames: Frames) -> pd.DataFrame:
 TABLES: Mapping[str, tuple[Callable[[Frames], pd.DataFrame], tuple[str, ...]]] = {
     "matrices": (matrices, ("discovery_edges",)),
     "scores": (scores, ("discovery_edges", "discovery_seeds")),
+    "selections": (selections, ("discovery_edges",)),
     "wrong_edges": (wrong_edges, ("discovery_edges",)),
     "reach_limit": (reach_limit, ("discovery_edges",)),
     "agreement": (agreement, ("discovery_edges",)),
@@ -250,6 +277,7 @@ TABLES: Mapping[str, tuple[Callable[[Frames], pd.DataFrame], tuple[str, ...]]] =
     "calibration": (calibration, ("discovery_calibration",)),
     "p_values": (p_values, ("discovery_calibration",)),
     "paper": (paper, ("discovery_paper",)),
+    "motion": (motion, ("discovery_contact_motion",)),
     "pairs": (pairs, ("discovery_contact_pairs",)),
     "inputs": (inputs, ("discovery_contact_inputs",)),
     "sufficiency": (sufficiency, ("discovery_sufficiency",)),
