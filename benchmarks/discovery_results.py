@@ -12,7 +12,9 @@ from __future__ import annotations
 import argparse
 import itertools
 import re
+import shutil
 import sys
+import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
@@ -23,7 +25,9 @@ from discovery_calibration import FDR, p_values_of_absent_edges
 from discovery_calibration import summary as calibration_summary
 from discovery_methods import summary as methods_summary
 
-from causalbench.core.discovery.graph import used_kl
+from causalbench.core.discovery.graph import manual_graph, used_kl
+from causalbench.core.tasks.pure_manipulation import TASK
+from causalbench.report.figures import write_figures
 from causalbench.report.stats import bootstrap_interval, wilson
 
 PAGE = Path("docs/discovery_results.md")
@@ -42,6 +46,16 @@ def read_discoveries(root: Path, docs: Path) -> None:
     for name, rows in (("discovery_edges", _edges), ("discovery_seeds", _seeds)):
         (docs / f"{name}.csv").unlink(missing_ok=True)
         measured(docs / f"{name}.csv", lambda of=rows: [row for one in made for row in of(*one)])
+
+
+def draw_first(root: Path, figures: Path) -> None:
+    """The KL map of each backend's seed 0 as docs/figures/kl-BACKEND.svg."""
+    figures.mkdir(parents=True, exist_ok=True)
+    for backend in BACKENDS:
+        if (root / f"{backend}-s0" / "oracle.csv").exists():
+            with tempfile.TemporaryDirectory() as folder:
+                write_figures(Path(folder) / "figures", read_graph(root / f"{backend}-s0"), manual_graph(TASK))
+                shutil.copyfile(Path(folder) / "figures" / "kl.svg", figures / f"kl-{backend}.svg")
 
 
 def _edges(backend: str, seed: int, path: Path) -> list[Row]:
@@ -89,6 +103,12 @@ def matrices(frames: Frames) -> pd.DataFrame:
     return wide[["stage", "reward", *seeds.index]].rename(
         columns={b: f"{b}, {n} seed{'s' * (n > 1)}" for b, n in seeds.items()}
     )
+
+
+def maps(frames: Frames) -> pd.DataFrame:
+    """Where the pictures are."""
+    first = frames["discovery_edges"].query("seed == 0")["backend"].unique()
+    return pd.DataFrame({"backend": first, "KL of every edge, seed 0": [f"[map](figures/kl-{b}.svg)" for b in first]})
 
 
 def scores(frames: Frames) -> pd.DataFrame:
@@ -267,6 +287,7 @@ def cheap(frames: Frames) -> pd.DataFrame:
 
 TABLES: Mapping[str, tuple[Callable[[Frames], pd.DataFrame], tuple[str, ...]]] = {
     "matrices": (matrices, ("discovery_edges",)),
+    "maps": (maps, ("discovery_edges",)),
     "scores": (scores, ("discovery_edges", "discovery_seeds")),
     "selections": (selections, ("discovery_edges",)),
     "wrong_edges": (wrong_edges, ("discovery_edges",)),
@@ -321,6 +342,7 @@ def main() -> None:
     args = parser.parse_args()
     if args.read:
         read_discoveries(args.read, args.docs)
+        draw_first(args.read, args.docs.parent / "figures")
     page = PAGE.read_text(encoding="utf-8")
     new = filled(page, args.docs)
     if args.check:
