@@ -60,7 +60,7 @@ def test_the_shipped_suites_are_valid() -> None:
         ("    seeds: 1", "    sedes: 1", 8, "tiers.quick.sedes: unknown key. Did you mean 'seeds'? Known: learner,"),
         ("n_epochs:", "n_epoch:", 17, "learner.PPO.n_epoch: unknown key. Did you mean 'n_epochs'? Known: preset, net"),
         ("n_epochs: 4, log_std_init: -1", "preset: papr", 17,
-         "learner.PPO.preset: should be 'quick', 'paper' or 'paper_mobile', got 'papr'. Did you mean 'paper'?"),
+         "learner.PPO.preset: should be 'quick' or 'paper', got 'papr'. Did you mean 'paper'?"),
         ("gamma:", "gama:", 20, "per_method.mSAC.learner.gama: unknown key. Did you mean 'gamma'?"),
         ("  mSAC:", "  mSAK:", 19, "per_method.mSAK: not one of this suite's: cmSAC, mSAC. Did you mean 'mSAC'?"),
         ("  quick:", "  quik:", 7, "tiers.quik: should be 'smoke', 'quick' or 'full', got 'quik'. Did you mean"),
