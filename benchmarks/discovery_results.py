@@ -2,7 +2,7 @@
 
     python benchmarks/discovery_results.py                       # write them into the page
     python benchmarks/discovery_results.py --check               # fail if the page says something else
-    python benchmarks/discovery_results.py --read runs/discoveries   # first renew discovery_edges.csv and _seeds.csv
+    python benchmarks/discovery_results.py --read runs/discoveries   # first renew what is read from discoveries
 
 The other benchmarks write the other files; one that is not there is "not measured".
 """
@@ -26,6 +26,8 @@ from discovery_calibration import summary as calibration_summary
 from discovery_methods import summary as methods_summary
 
 from causalbench.core.discovery.graph import manual_graph, used_kl
+from causalbench.core.discovery.score import score_matrix
+from causalbench.core.discovery.select import select_causal_actions
 from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench.report.figures import write_figures
 from causalbench.report.stats import bootstrap_interval, wilson
@@ -43,7 +45,8 @@ def read_discoveries(root: Path, docs: Path) -> None:
         for path in sorted(root.glob(f"{backend}-s*"))
         if (path / "oracle.csv").exists()
     ]
-    for name, rows in (("discovery_edges", _edges), ("discovery_seeds", _seeds)):
+    tables = {"discovery_edges": _edges, "discovery_seeds": _seeds, "discovery_directions": _directions}
+    for name, rows in tables.items():
         (docs / f"{name}.csv").unlink(missing_ok=True)
         measured(docs / f"{name}.csv", lambda of=rows: [row for one in made for row in of(*one)])
 
@@ -81,6 +84,18 @@ def _seeds(backend: str, seed: int, path: Path) -> list[Row]:
     scores = {row["stage"]: row["f1"] for row in graph.oracle["scores"]}
     row = Row(backend=backend, seed=seed, env_steps=graph.env_steps, oracle_env_steps=graph.oracle["env_steps"])
     return [row | {f"f1_stage_{i}": scores[str(i)] for i in range(1, 5)} | judged(graph, read_truth(path))]
+
+
+def _directions(backend: str, seed: int, path: Path) -> list[Row]:
+    """Algorithm 2 alone, without the gate of placebos, on each direction of KL from the same fit."""
+    rows = []
+    for found, true in zip(read_graph(path).stages, read_truth(path), strict=True):
+        for name, kl in (("forward", found.kl), ("reverse", found.kl_reverse), ("symmetric", found.kl_symmetric)):
+            lists = np.asarray(kl).clip(min=0.0).T
+            score = score_matrix(np.column_stack([select_causal_actions(kls).selected for kls in lists]), true.grades())
+            counts = {"found": score.true_positives, "missed": score.false_negatives, "false": score.false_positives}
+            rows.append(Row(backend=backend, seed=seed, stage=found.stage, direction=name) | counts)
+    return rows
 
 
 # One function a table of the page.
@@ -137,6 +152,20 @@ def selections(frames: Frames) -> pd.DataFrame:
                 here = chosen[(edges["backend"] == backend) & (edges["grade"] == grade)]
                 row[grade] = f"{here.sum()} of {len(here)}"
             rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def directions(frames: Frames) -> pd.DataFrame:
+    """Strong edges missed and absent ones selected by each direction of KL."""
+    table = frames["discovery_directions"]
+    rows = []
+    for (backend, direction), here in table.groupby(["backend", "direction"], sort=False):
+        row = Row(backend=backend, KL=direction)
+        for name, part in (("stages 1-3", here[here["stage"] < 4]), ("stage 4", here[here["stage"] == 4])):
+            strong = part["found"].sum() + part["missed"].sum()
+            row[f"missed, {name}"] = f"{part['missed'].sum()} of {strong}"
+            row[f"false, {name}"] = part["false"].sum()
+        rows.append(row)
     return pd.DataFrame(rows)
 
 
@@ -290,6 +319,7 @@ TABLES: Mapping[str, tuple[Callable[[Frames], pd.DataFrame], tuple[str, ...]]] =
     "maps": (maps, ("discovery_edges",)),
     "scores": (scores, ("discovery_edges", "discovery_seeds")),
     "selections": (selections, ("discovery_edges",)),
+    "directions": (directions, ("discovery_directions",)),
     "wrong_edges": (wrong_edges, ("discovery_edges",)),
     "reach_limit": (reach_limit, ("discovery_edges",)),
     "agreement": (agreement, ("discovery_edges",)),
