@@ -170,6 +170,8 @@ def directions(frames: Frames) -> pd.DataFrame:
 
 
 def _mean(values: pd.Series) -> str:
+    if len(values) < 5:  # as in a leaderboard
+        return f"{values.mean():.2f}"
     low, high = bootstrap_interval(lambda strata: strata[0].mean(-1), [values.to_numpy()])
     return f"{values.mean():.2f} [{low:.2f}, {high:.2f}]"
 
