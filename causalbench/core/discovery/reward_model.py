@@ -93,7 +93,7 @@ def fit_reward_models(
     log_sigma_min = math.log(settings.sigma_train)
 
     def batch(rows: Tensor) -> Tensor:
-        return inputs[:, rows].repeat_interleave(n_terms, 0)
+        return inputs.index_select(1, rows).repeat_interleave(n_terms, 0)
 
     space: dict[int, list[Tensor]] = {}  # by batch size
     stale = epoch = 0
@@ -102,7 +102,7 @@ def fit_reward_models(
         for rows in torch.split(shuffled, settings.batch_size):
             if len(rows) not in space:
                 space[len(rows)] = [torch.empty(n_actions * n_terms, len(rows), width) for width in HIDDEN * 2]
-            _set_gradients(weights, batch(rows), targets[:, rows], log_sigma_min, space[len(rows)])
+            _set_gradients(weights, batch(rows), targets.index_select(1, rows), log_sigma_min, space[len(rows)])
             optimizer.step()
         on_progress(epoch / settings.max_epochs)
         if not settings.patience:
