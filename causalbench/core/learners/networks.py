@@ -40,8 +40,14 @@ def actor_forward(weights: list[Tensor], obs: Tensor) -> tuple[Tensor, Tensor]:
     x = obs
     for kernel, bias in zip(weights[:-2:2], weights[1:-2:2], strict=True):
         x = torch.addmm(bias, x, kernel).relu_()
-    mean, log_std = torch.addmm(weights[-1], x, weights[-2]).chunk(2, -1)
+    mean, log_std = last_layer(weights, x).chunk(2, -1)
     return mean, log_std.clamp(LOG_STD_MIN, LOG_STD_MAX)
+
+
+def last_layer(weights: list[Tensor], x: Tensor) -> Tensor:
+    """(batch, n_out) of x (batch, n_in); rounded the same however the kernel lies in memory."""
+    kernel, bias = weights[-2:]
+    return torch.addmm(bias[:, None], kernel.T.contiguous(), x.T).T
 
 
 def squashed_sample(mean: Tensor, log_std: Tensor, noise: Tensor) -> tuple[Tensor, Tensor]:

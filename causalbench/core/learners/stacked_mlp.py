@@ -16,6 +16,8 @@ from causalbench.core.learners.learner import State, load_tensors, tensor_state
 
 Activation = Literal["relu", "tanh"]
 
+ALIGNMENT = 16  # numbers; views start where tensors of their own would, since BLAS may round by where its inputs lie
+
 
 class StackedMLP:
     """`count` MLPs; `weights` are [W1, b1, ...], W (count, n_in, n_out), b (count, n_out), views of the block `flat`.
@@ -89,7 +91,10 @@ def _product(a: Tensor, b: Tensor) -> Tensor:
 def _packed(weights: list[Tensor]) -> tuple[Tensor, list[Tensor]]:
     """One block of memory, and views of it with the values of `weights`."""
     stored = [*weights[:-2], weights[-2].mT, weights[-1]]
-    flat = torch.cat([w.reshape(-1) for w in stored])
-    views = [part.view(w.shape) for part, w in zip(torch.split(flat, [w.numel() for w in stored]), stored, strict=True)]
+    lengths = [-(-w.numel() // ALIGNMENT) * ALIGNMENT for w in stored]
+    flat = torch.zeros(sum(lengths), dtype=weights[0].dtype)
+    views = [part[: w.numel()].view(w.shape) for part, w in zip(torch.split(flat, lengths), stored, strict=True)]
+    for view, w in zip(views, stored, strict=True):
+        view.copy_(w)
     views[-2] = views[-2].mT
     return flat, views
