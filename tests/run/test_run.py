@@ -214,8 +214,9 @@ def kill_at_instants(
             steps = [line.rpartition(" ")[2] for line in path.read_text().splitlines() if "continued from" in line]
             if steps:
                 cell = json.loads((path.parent / "cell.json").read_text())
-                continued[cell["backend"], cell["method"]] += len(steps)
-                note(f"  {cell['backend']} {cell['method']} continued at env steps {', '.join(steps)}")
+                backend, method = cell["backend"]["name"], cell["method"]["name"]
+                continued[backend, method] += len(steps)
+                note(f"  {backend} {method} continued at env steps {', '.join(steps)}")
     return continued
 
 
