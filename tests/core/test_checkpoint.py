@@ -90,6 +90,7 @@ def run(backend, name, path=None, kill_at=None, make_scene=None, **changes):
         ("kinematic", "cmmSAC"),
         ("kinematic", "cSAC"),
         ("kinematic", "cmmPPO"),
+        ("kinematic", "mPPO"),
         ("gymrob", "cSAC"),
         ("pybullet", "cmmSAC"),
     ],
@@ -148,7 +149,7 @@ class _Newer(KinematicScene):
         (lambda path, data: save_file({"a": np.zeros(1)}, path), "not a checkpoint of causalbench, or damaged"),
         (
             lambda path, data: save_file({}, path, {"causalbench": json.dumps({"schema": 0, "identity": {}})}),
-            "checkpoint schema 0, expected 1",
+            "checkpoint schema 0, expected 2",
         ),
     ],
     ids=["torn", "pickle", "empty", "another program's", "older"],
