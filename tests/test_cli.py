@@ -8,6 +8,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
@@ -116,7 +117,11 @@ def test_backends_lists_a_broken_plugin_with_its_error(call: Callable, install: 
     path = os.pathsep.join([str(site), os.environ.get("PYTHONPATH", "")]).strip(os.pathsep)
     done = call("backends", PYTHONPATH=path)
     assert done.returncode == 0
-    assert "kinematic" in done.stdout
+    lines = done.stdout.splitlines()
+    assert [cell.strip() for cell in next(line for line in lines if "│ kinematic" in line).strip("│").split("│")] == [
+        "kinematic", "numpy, not physics", "floating hand", "causalbench-robotics", version("causalbench-robotics"),
+        "exact_restore, lidar, mobile_base", "none", "ok",
+    ]  # fmt: skip
     broken = next(line for line in done.stdout.splitlines() if "causalbench-broken" in line)
     assert "ModuleNotFoundError: No module named 'a_simulator_that_is_not_here'" in broken
 

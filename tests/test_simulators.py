@@ -91,6 +91,18 @@ def test_a_start_depends_on_nothing_that_was_before(scene: Scene, simulator: Bac
     fresh.close()
 
 
+@pytest.mark.parametrize("name", ["gymrob", "robosuite"])
+def test_a_reset_keeps_the_compiled_model(name: str) -> None:
+    scene = installed().backend(name).make()
+    model = scene.model
+    for seed, height in ((2, 0.0), (2, 0.005), (3, 0.0)):
+        start = layout(scene, seed)
+        larger = dataclasses.replace(start.target, half_extents=start.target.half_extents + [0.0, 0.0, height])
+        scene.reset(dataclasses.replace(start, target=raised(larger, height)))
+        assert scene.model is model
+    scene.close()
+
+
 def test_a_box_lies_on_a_second_fixture(scene: Scene) -> None:
     start, half = layout(scene, 2), np.array([0.1, 0.1, 0.02])
     at = start.target.position + np.array([0.0, 0.0, half[2] - start.target.half_extents[2]])

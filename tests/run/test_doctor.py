@@ -89,8 +89,18 @@ def test_a_plugin_that_cannot_be_imported_and_a_broken_mujoco(install: Callable[
     assert any(line.startswith("ok    kinematic: simulates") for line in lines)
 
 
+def test_a_mujoco_that_cannot_be_imported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "mujoco.py").write_text('raise ImportError("libmujoco.so.3: cannot open shared object file")\n')
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")]))
+    assert "libmujoco.so.3: cannot open shared object file" in probe("gymrob", "simulates")
+    assert probe("pybullet", "simulates") == ""
+
+
 def test_no_opengl_where_pictures_are_asked_for() -> None:
-    done = _doctor(MUJOCO_GL="nonsense")
+    """GLFW without a display, which is what MuJoCo tries by itself on a machine without a screen."""
+    done = _doctor(MUJOCO_GL="glfw", DISPLAY="", WAYLAND_DISPLAY="")
     assert done.returncode == 1
-    assert any(line.startswith("FAIL  gymrob: renders") for line in done.stdout.splitlines())
+    lines = done.stdout.splitlines()
+    assert any(line.startswith("FAIL  gymrob: renders") for line in lines)
+    assert any(line.startswith("ok    gymrob: simulates") for line in lines)
     assert "apt-get install libegl1" in done.stdout
