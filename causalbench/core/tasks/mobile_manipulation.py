@@ -269,4 +269,5 @@ TASK = Task(
     success=success,
     expert=expert,
     requires=frozenset({"mobile_base", "lidar"}),
+    sensor="lidar",
 )

@@ -298,4 +298,5 @@ TASK = Task(
     rewards=rewards,
     success=success,
     expert=expert,
+    sensor="rgb",
 )
