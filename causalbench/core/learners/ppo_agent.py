@@ -13,6 +13,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
+from causalbench.core.encoder import Encoder
 from causalbench.core.learners.causal_gradient import StagePlan
 from causalbench.core.learners.gaussian_networks import (
     gaussian_actor_forward,
@@ -55,13 +56,17 @@ class Samples(NamedTuple):
 class PPOAgent:
     """The agent A_i of one stage: policy, value heads and the samples that its policy has not learned from."""
 
-    def __init__(self, plan: StagePlan, n_obs: int, settings: PPOSettings, seed: int) -> None:
+    def __init__(self, plan: StagePlan, n_obs: int, settings: PPOSettings, seed: int, sensor: str = "") -> None:
         self.plan, self.settings = plan, settings
+        self.encoder = Encoder(sensor)  # one before the actor, one before the values
         self.generator = torch.Generator().manual_seed(seed)
         n_actions, n_critics = plan.mask.shape
         arch = settings.net_arch
-        self.actor = init_gaussian_actor(n_obs, arch, n_actions, settings.log_std_init, self.generator)
-        self.values = init_values(n_obs, arch, n_critics, self.generator)
+        n_seen = n_obs - self.encoder.n_sensed + self.encoder.n_features
+        self.actor = self.encoder.initial_weights(self.generator)
+        self.actor += init_gaussian_actor(n_seen, arch, n_actions, settings.log_std_init, self.generator)
+        self.values = self.encoder.initial_weights(self.generator)
+        self.values += init_values(n_seen, arch, n_critics, self.generator)
         self.weights = [*self.actor, *self.values]
         for w in self.weights:
             w.requires_grad_()
@@ -75,7 +80,7 @@ class PPOAgent:
     def act(self, obs: Tensor) -> Tensor:
         """Actions (n, n_actions) of the agent's own dimensions, not clipped to their bounds; `obs` (n, n_obs)."""
         with torch.no_grad():
-            mean, log_std = gaussian_actor_forward(self.actor, obs)
+            mean, log_std = gaussian_actor_forward(*self.encoder(self.actor, obs))
             return mean + log_std.exp() * torch.randn(mean.shape, generator=self.generator)
 
     @torch.no_grad()
@@ -90,14 +95,14 @@ class PPOAgent:
         stays = own & ~steps.done
         rewards = steps.rewards @ self.groups
         values, next_values = torch.zeros_like(rewards), torch.zeros_like(rewards)
-        values[own] = tanh_mlp(self.values, steps.obs[own])
-        next_values[stays] = tanh_mlp(self.values, steps.next_obs[stays])
+        values[own] = tanh_mlp(*self.encoder(self.values, steps.obs[own]))
+        next_values[stays] = tanh_mlp(*self.encoder(self.values, steps.next_obs[stays]))
         gamma, gae_lambda = self.settings.gamma, self.settings.gae_lambda
         advantages = torch.from_numpy(
             gae(rewards.numpy(), values.numpy(), next_values.numpy(), (stays & ~steps.over).numpy(), gamma, gae_lambda)
         )
         obs, actions = steps.obs[own], steps.actions[own][:, self.own_actions]
-        log_prob = gaussian_log_prob(*gaussian_actor_forward(self.actor, obs), actions)
+        log_prob = gaussian_log_prob(*gaussian_actor_forward(*self.encoder(self.actor, obs)), actions)
         new = Samples(obs, actions, log_prob, advantages[own], (advantages + values)[own])
         self.samples = Samples(*(torch.cat(pair) for pair in zip(self.samples, new, strict=True)))
 
@@ -112,12 +117,12 @@ class PPOAgent:
             return
         for rows in self._minibatches(n):
             batch = self.samples.rows(rows)
-            mean, log_std = gaussian_actor_forward(self.actor, batch.obs)
+            mean, log_std = gaussian_actor_forward(*self.encoder(self.actor, batch.obs))
             log_ratio = gaussian_log_prob(mean, log_std, batch.actions) - batch.log_prob
             if joint_kl(log_ratio) > 1.5 * settings.target_kl:
                 break
             policy_loss = self.policy_loss(log_ratio, batch.advantages)
-            value_loss = (tanh_mlp(self.values, batch.obs) - batch.returns).pow(2).mean(0).sum()
+            value_loss = (tanh_mlp(*self.encoder(self.values, batch.obs)) - batch.returns).pow(2).mean(0).sum()
             entropy = (log_std + HALF_LOG_2PI_E).sum()
             loss = policy_loss + settings.vf_coef * value_loss - settings.ent_coef * entropy
             self._descend(loss)

@@ -11,7 +11,9 @@ import math
 import torch
 from torch import Tensor
 
+from causalbench.core.encoder import Encoder, device_for
 from causalbench.core.learners.causal_gradient import StagePlan
+from causalbench.core.learners.frames import FrameBuffer
 from causalbench.core.learners.learner import (
     State,
     below,
@@ -40,36 +42,41 @@ EXPLODED = 1e10  # loss at which training has diverged: values are wrong by abou
 class SACAgent:
     """The agent A_i of one stage: policy, critics, temperature and buffer."""
 
-    def __init__(self, plan: StagePlan, n_obs: int, settings: SACSettings, seed: int) -> None:
+    def __init__(self, plan: StagePlan, n_obs: int, settings: SACSettings, seed: int, sensor: str = "") -> None:
         self.plan, self.settings = plan, settings
+        self.encoder, self.device = Encoder(sensor), device_for(sensor)  # one before the actor, one before all critics
         self.generator = torch.Generator().manual_seed(seed)
         n_actions, n_critics = plan.mask.shape
         arch, lr = settings.net_arch, settings.learning_rate
-        self.actor = init_actor(n_obs, arch, n_actions, self.generator)
-        self.critics = init_critics(
-            2 * n_critics, n_obs + n_actions, arch, 1, self.generator
-        )  # twins: c, c + n_critics
+        n_seen = n_obs - self.encoder.n_sensed + self.encoder.n_features
+        self.actor = self.encoder.initial_weights(self.generator)
+        self.actor += init_actor(n_seen, arch, n_actions, self.generator)
+        self.critics = self.encoder.initial_weights(self.generator)
+        # Twins are c and c + n_critics.
+        self.critics += init_critics(2 * n_critics, n_seen + n_actions, arch, 1, self.generator)
+        self.actor, self.critics = ([w.to(self.device) for w in weights] for weights in (self.actor, self.critics))
         self.targets = [w.clone() for w in self.critics]
-        self.log_alpha = torch.tensor([math.log(settings.ent_coef_init)])
+        self.log_alpha = torch.tensor([math.log(settings.ent_coef_init)], device=self.device)
         for w in (*self.actor, *self.critics, self.log_alpha):
             w.requires_grad_()
         self.actor_optimizer = torch.optim.Adam(self.actor, lr, fused=True)
         self.critic_optimizer = torch.optim.Adam(self.critics, lr, fused=True)
         self.alpha_optimizer = torch.optim.Adam([self.log_alpha], lr)
         self.target_entropy = -float(n_actions)
-        self.mask = torch.from_numpy(plan.mask).float().T[:, None, :]  # (n_critics, 1, n_actions)
-        self.entropy = torch.from_numpy(plan.entropy).float()[:, None]  # (n_critics, 1)
-        self.buffer = StageBuffer(settings.buffer_size, n_obs, n_actions, n_critics)
+        self.mask = torch.from_numpy(plan.mask).float().T[:, None, :].to(self.device)  # (n_critics, 1, n_actions)
+        self.entropy = torch.from_numpy(plan.entropy).float()[:, None].to(self.device)  # (n_critics, 1)
+        room = settings.buffer_size, n_obs, n_actions, n_critics
+        self.buffer = FrameBuffer(*room, self.encoder.sensor) if self.encoder.sensor else StageBuffer(*room)
         self.own_scale = self.next_scale = 1.0  # running mean |Q| of both critics on this stage's states (cSAC)
         self.updates = 0
 
     def act(self, obs: Tensor, deterministic: bool) -> Tensor:
         """Actions (n, n_actions) in [-1, 1] of the agent's own dimensions; `obs` (n, n_obs)."""
         with torch.no_grad():
-            mean, log_std = actor_forward(self.actor, obs)
+            mean, log_std = actor_forward(*self.encoder(self.actor, obs.to(self.device)))
             if deterministic:
-                return torch.tanh(mean)
-            return squashed_sample(mean, log_std, self._noise(mean.shape))[0]
+                return torch.tanh(mean).cpu()
+            return squashed_sample(mean, log_std, self._noise(mean.shape))[0].cpu()
 
     def train(self, gradient_steps: int, next_agent: SACAgent | None = None) -> None:
         """Algorithm 3, line "training pi_i": `gradient_steps` updates on batches of the buffer.
@@ -78,9 +85,11 @@ class SACAgent:
         """
         for _ in range(gradient_steps):
             batch = self.buffer.sample(self.settings.batch_size, self.generator)
+            if self.encoder.sensor:
+                batch = Batch(*(values.to(self.device) for values in batch))
             noise, next_noise = self._noise(batch.actions.shape), self._noise(batch.actions.shape)
             alpha = self.log_alpha.detach().exp()
-            action, log_prob = squashed_sample(*actor_forward(self.actor, batch.obs), noise)
+            action, log_prob = squashed_sample(*actor_forward(*self.encoder(self.actor, batch.obs)), noise)
 
             self._descend(self.alpha_optimizer, [self.log_alpha], self.alpha_loss(log_prob.detach()))
             critic_loss = self.critic_loss(batch, alpha, next_noise)
@@ -139,11 +148,14 @@ class SACAgent:
     def critic_loss(self, batch: Batch, alpha: Tensor, next_noise: Tensor) -> Tensor:
         """Half the squared Bellman error, averaged over the batch and summed over all critics."""
         with torch.no_grad():
-            next_action, next_log_prob = squashed_sample(*actor_forward(self.actor, batch.next_obs), next_noise)
-            next_q = self._twin_min(critics_forward(self.targets, torch.cat([batch.next_obs, next_action], 1)))
+            policy = actor_forward(*self.encoder(self.actor, batch.next_obs))
+            next_action, next_log_prob = squashed_sample(*policy, next_noise)
+            targets, next_seen = self.encoder(self.targets, batch.next_obs)
+            next_q = self._twin_min(critics_forward(targets, torch.cat([next_seen, next_action], 1)))
             soft = next_q - self.entropy * alpha * next_log_prob
             target = batch.rewards.T + self.settings.gamma * (1 - batch.done) * soft
-        q = critics_forward(self.critics, torch.cat([batch.obs, batch.actions], 1))
+        critics, seen = self.encoder(self.critics, batch.obs)
+        q = critics_forward(critics, torch.cat([seen, batch.actions], 1))
         return 0.5 * (q.view(2, *target.shape) - target).pow(2).mean(-1).sum()
 
     def actor_loss(
@@ -164,12 +176,14 @@ class SACAgent:
 
     def masked_value(self, obs: Tensor, action: Tensor) -> Tensor:
         """(batch,) sum of the critics, critic c seeing as constants the actions that do not cause its rewards."""
+        with torch.no_grad():  # what the critics see does not depend on the action
+            critics, obs = self.encoder(self.critics, obs)
         if bool((self.plan.mask).all()):
             inputs = torch.cat([obs, action], 1)
         else:
             seen = self.mask * action + (1 - self.mask) * action.detach()  # (n_critics, batch, n_actions)
             inputs = torch.cat([obs.expand(len(seen), -1, -1), seen], 2).repeat(2, 1, 1)
-        return self._twin_min(critics_forward(self.critics, inputs)).sum(0)
+        return self._twin_min(critics_forward(critics, inputs)).sum(0)
 
     def _twin_min(self, q: Tensor) -> Tensor:
         """(n_critics, batch) the lesser twin of (2 * n_critics, batch)."""
@@ -180,7 +194,7 @@ class SACAgent:
         return torch.where(totals[0] <= totals[1], twins[0], twins[1])
 
     def _noise(self, shape: torch.Size) -> Tensor:
-        return torch.randn(shape, generator=self.generator)
+        return torch.randn(shape, generator=self.generator).to(self.device)
 
     @staticmethod
     def _descend(optimizer: torch.optim.Optimizer, weights: list[Tensor], loss: Tensor) -> None:
