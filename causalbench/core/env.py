@@ -219,8 +219,8 @@ class StageTaskEnv(gym.Env[Observation, NDArray[np.float32]]):
         return obs, float(result.vector_reward.sum()), terminated, truncated, info
 
     def render(self) -> NDArray[np.uint8] | None:
-        """The scene camera's picture, 480 x 360, when `render_mode` is "rgb_array"."""
-        return self.scene.render(480, 360) if self.render_mode == "rgb_array" else None
+        """The picture of the task's camera, 480 x 360, when `render_mode` is "rgb_array"."""
+        return self.scene.render(480, 360, self.task.camera) if self.render_mode == "rgb_array" else None
 
     def close(self) -> None:
         """Close the scene; may be called twice."""

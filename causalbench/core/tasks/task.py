@@ -97,6 +97,11 @@ class Task:
         """Names of the reward terms in vector order."""
         return tuple(term.name for term in self.terms)
 
+    @property
+    def camera(self) -> str:
+        """The camera that shows people what happens, one of `cameras.find_camera`."""
+        return "room" if "mobile_base" in self.requires else "scene"
+
     def stage_terms(self, stage: int, discoverable_only: bool = False) -> tuple[str, ...]:
         """Names of the terms of `stage` (1-based) in vector order."""
         return tuple(t.name for t in self.terms if stage in t.stages and (t.discoverable or not discoverable_only))
