@@ -1,18 +1,18 @@
 """Is the stated false-discovery rate kept? Both selections on kinematic, whose causes are known, seed by seed.
 
-    python benchmarks/discovery_calibration.py --seeds 20 --out docs/data/discovery_calibration.csv
+    python benchmarks/discovery_calibration.py --seeds $(seq 0 19)
 
-One row per edge and seed. Seeds that the file already has are not run again.
+One row per edge and seed, from the discovery of that seed where discoveries.py made one.
 """
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import torch
+from discoveries import Row, measured, options, put_together, quiet, read_graph
 
 from causalbench.core.discovery.calibration import p_values
 from causalbench.core.discovery.graph import CausalGraph, used_kl
@@ -23,16 +23,25 @@ from causalbench.core.kinematic import make
 from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench.report.stats import wilson
 
+NAME = "discovery_calibration"
 STATES = 200
+FDR = DiscoverySettings().fdr
 
 
-def quiet(share: float, doing: str) -> None:
-    """No progress: one line a seed is enough."""
+def truth() -> list[np.ndarray]:
+    """Per stage bool (n_actions, n_terms). Restoring is exact, so that an edge without effect shows exactly none."""
+    return [stage.effect > 0 for stage in consult_oracle(TASK, make, STATES, 0, quiet)]
 
 
-def edges(
-    graph: CausalGraph, settings: DiscoverySettings, true: list[np.ndarray], seed: int
-) -> list[dict[str, object]]:
+def graph_of(seed: int, discoveries: Path) -> CausalGraph:
+    """The discovery of `seed` by the default settings."""
+    made = discoveries / f"kinematic-s{seed}"
+    return (
+        read_graph(made) if (made / "graph.json").exists() else discover(TASK, make, DiscoverySettings(), seed, quiet)
+    )
+
+
+def edges(graph: CausalGraph, true: list[np.ndarray], seed: int) -> list[Row]:
     """One row per edge of one discovery."""
     kl = [used_kl(graph, stage.stage) for stage in graph.stages]
     p = p_values(kl, [np.asarray(stage.null_kl) for stage in graph.stages])
@@ -47,7 +56,7 @@ def edges(
             "p_value": p[i][k, j],
             "q_value": np.asarray(stage.q_value)[k, j],
             "paper": int(stage.matrix[k, j]),
-            "fdr": int(np.asarray(stage.q_value)[k, j] <= settings.fdr),
+            "fdr": int(np.asarray(stage.q_value)[k, j] <= FDR),
         }
         for i, stage in enumerate(graph.stages)
         for j, term in enumerate(stage.terms)
@@ -55,49 +64,53 @@ def edges(
     ]
 
 
-def summarise(table: pd.DataFrame) -> None:
-    """Per selection: missed causes, wrong edges among the selected (Wilson interval, and mean over seeds)."""
-    causes = int(table["true"].sum())
-    print(f"{table['seed'].nunique()} seeds, {len(table)} edges, {causes} of them causes")
+def summary(table: pd.DataFrame) -> pd.DataFrame:
+    """Per selection: missed causes, and the wrong edges among the selected: pooled with a Wilson interval, by seed."""
+    rows, causes = [], int(table["true"].sum())
     for name in ("paper", "fdr"):
         selected = table[table[name] == 1]
         wrong = int((selected["true"] == 0).sum())
         low, high = wilson(wrong, len(selected))
         by_seed = [(s["true"] == 0).sum() / max(len(s), 1) for _, s in selected.groupby("seed")]
-        missed = causes - (len(selected) - wrong)
-        print(
-            f"{name}: {missed} causes missed; {wrong} of {len(selected)} selected are wrong: "
-            f"{wrong / max(len(selected), 1):.3f} [{low:.3f}, {high:.3f}]; mean over seeds {np.mean(by_seed):.3f}"
+        rows.append(
+            {
+                "select": name,
+                "seeds": table["seed"].nunique(),
+                "causes": causes,
+                "missed": causes - (len(selected) - wrong),
+                "selected": len(selected),
+                "wrong": wrong,
+                "share": wrong / max(len(selected), 1),
+                "low": low,
+                "high": high,
+                "mean_over_seeds": float(np.mean(by_seed)),
+            }
         )
+    return pd.DataFrame(rows)
+
+
+def p_values_of_absent_edges(table: pd.DataFrame) -> pd.DataFrame:
+    """How often an absent edge has a p-value of at most so much; a valid one, no oftener than that."""
     null = table[table["true"] == 0]
+    rows = []
     for level in (0.01, 0.05, 0.1, 0.5):
         below = int((null["p_value"] <= level).sum())
         low, high = wilson(below, len(null))
-        print(f"p <= {level}: {below / len(null):.3f} [{low:.3f}, {high:.3f}] of {len(null)} absent edges")
+        rows.append({"p <=": level, "edges": len(null), "share": below / len(null), "low": low, "high": high})
+    return pd.DataFrame(rows)
 
 
 def main() -> None:
     """Run what is missing and print the summary."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seeds", type=int, default=20)
-    parser.add_argument("--samples", type=int, default=DiscoverySettings().training_count)
-    parser.add_argument("--out", type=Path, default=Path("docs/data/discovery_calibration.csv"))
-    args = parser.parse_args()
+    args = options(__doc__, NAME, ("kinematic",), 20).parse_args()
     torch.set_num_threads(1)
-    settings = DiscoverySettings(training_count=args.samples)
-    # Restoring is exact here, so that an edge without effect shows exactly none.
-    true = [stage.effect > 0 for stage in consult_oracle(TASK, make, STATES, 0, quiet)]
-    table = pd.read_csv(args.out) if args.out.exists() else pd.DataFrame({"seed": []})
-    for seed in range(args.seeds):
-        if seed in set(table["seed"]):
-            continue
-        graph = discover(TASK, make, settings, seed, quiet)
-        table = pd.concat([table, pd.DataFrame(edges(graph, settings, true, seed))] if len(table) else
-                          [pd.DataFrame(edges(graph, settings, true, seed))])  # fmt: skip
-        args.out.parent.mkdir(parents=True, exist_ok=True)
-        table.to_csv(args.out, index=False, lineterminator="\n", float_format="%.6g")
-        print(f"seed {seed} done", flush=True)
-    summarise(table)
+    missing = [seed for seed in args.seeds if args.backends and not (args.work / f"{seed:02d}.csv").exists()]
+    true = truth() if missing else []
+    for seed in missing:
+        measured(args.work / f"{seed:02d}.csv", lambda s=seed: edges(graph_of(s, args.discoveries), true, s))
+    table = put_together(args.work, NAME, args.docs)
+    print(summary(table).to_string(index=False))
+    print(p_values_of_absent_edges(table).to_string(index=False))
 
 
 if __name__ == "__main__":

@@ -1,136 +1,133 @@
-"""How many samples discovery needs: F1 against the oracle on nested subsets of one collection, per selection.
+"""How many samples discovery needs: F1 against the oracle on nested subsets of one collection, per method.
 
-    python benchmarks/discovery_curve.py --backend kinematic --seeds 5 --out docs/data
+    python benchmarks/discovery_curve.py --backends kinematic gymrob --seeds 0 1 2 3 4
 
-Writes discovery_curve.csv and, from all rows in it, discovery_curve.svg. Rows that the file already has are kept.
+Up to 3,000 samples a set are the first of those that the discovery of that backend and seed kept, whose graph stands
+for `kl` at 3,000; only for 10,000 is more collected, of which they are the first, too (`nested`: whether that is so).
+Writes docs/figures/discovery_curve.svg.
 """
 
 from __future__ import annotations
 
-import argparse
-from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
-import torch
+from discoveries import (
+    Row,
+    by_fdr,
+    cpu_seconds,
+    decide,
+    folder,
+    judged,
+    measured,
+    options,
+    put_together,
+    read_graph,
+    read_samples,
+    read_truth,
+    stages_of,
+)
 
-from causalbench.core.discovery.calibration import calibrate
 from causalbench.core.discovery.collect import StageSamples
-from causalbench.core.discovery.collection import Collection, Origin, Recipe
-from causalbench.core.discovery.graph import CausalGraph
-from causalbench.core.discovery.kl import discover_stage
-from causalbench.core.discovery.oracle import StageTruth, consult_oracle
-from causalbench.core.discovery.score import score_rows
+from causalbench.core.discovery.collection import Recipe
 from causalbench.core.discovery.settings import DiscoverySettings
-from causalbench.core.scene import Scene
-from causalbench.core.tasks.task import Task
+from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench.plugins import installed
+from causalbench.store.cells import DATA
+from causalbench.store.samples import SampleFolder
 
-SIZES = (300, 1_000, 3_000, 10_000)
-STATES = 400
-SELECTIONS = ("paper", "fdr")
-
-
-@dataclass
-class Subset:
-    """The `StageProblem` of the first `count` samples of each set of one stage."""
-
-    task: Task
-    stage: int
-    settings: DiscoverySettings
-    seed: int
-    whole: StageSamples
-
-    def samples(self) -> StageSamples:
-        """Nested: what a smaller `training_count` holds, a larger one holds, too."""
-        count = self.settings.training_count
-        inference = self.whole.inference.first(round(self.settings.inference_fraction * count))
-        interventions = tuple(samples.first(count) for samples in self.whole.interventions)
-        extra = self.whole.extra and self.whole.extra.first(count)
-        return StageSamples(self.whole.random.first(count), inference, interventions, extra)
-
-    def scene(self) -> Scene:
-        """Never asked for by `kl`."""
-        raise NotImplementedError
-
-    def keep(self, name: str, samples: object) -> None:
-        """Nothing is kept."""
-
-    def report(self, share: float, doing: str) -> None:
-        """No progress: one line a graph is enough."""
+NAME = "discovery_curve"
+KEPT = DiscoverySettings().training_count
+SIZES = (300, 1_000, KEPT, 10_000)
+METHODS = ("kl", "cmi", "fisher_z", "kci")
+FDR = "kl, select: fdr"
+STYLES = {"kl": ("#0072B2", "o"), FDR: ("#D55E00", "s"), "cmi": ("#009E73", "^"), "fisher_z": ("#E69F00", "D"),
+          "kci": ("#CC79A7", "v")}  # fmt: skip
 
 
-def rows_of_seed(task: Task, backend: str, seed: int, sizes: list[int], truth: tuple[StageTruth, ...]) -> pd.DataFrame:
-    """Scores of all stages together, for every size and selection."""
-    make = installed().backend(backend).make
-    scene = make()
-    origin = Origin.of(scene.spec)
-    scene.close()
-    settings = DiscoverySettings(training_count=max(SIZES))
-    collection = Collection(Recipe(task, settings, seed, origin, make, None), 1, lambda stage, share: None)
-    wholes = [collection.stage(stage) for stage in range(1, task.n_stages + 1)]
-    collection.close()
-    rows = []
-    for size in sizes:
-        small = replace(settings, training_count=size)
-        stages = tuple(discover_stage(Subset(task, i, small, seed, whole)) for i, whole in enumerate(wholes, 1))
-        for selection in SELECTIONS:
-            provenance = {"settings": {"direction": small.direction, "select": selection, "fdr": small.fdr}}
-            graph = calibrate(CausalGraph(task.name, task.version, "discovered", stages, provenance=provenance))
-            score = score_rows(graph, truth)[-1]
-            key = {"backend": backend, "seed": seed, "samples": size, "selection": selection}
-            rows.append(key | {name: score[name] for name in ("precision", "recall", "f1", "shd", "f1_weak_present")})
-        print(backend, "seed", seed, size, {row["selection"]: row["f1"] for row in rows[-2:]}, flush=True)
-    return pd.DataFrame(rows)
+def collected(backend: str, seed: int, count: int, made: Path, work: Path) -> list[StageSamples]:
+    """The samples of every stage, at least `count` a set."""
+    if count <= KEPT:
+        return read_samples(made)
+    origin, _ = SampleFolder(made / DATA).origin()
+    settings, store = DiscoverySettings(training_count=count), SampleFolder(work / f"{backend}-{seed}-{count}")
+    return stages_of(Recipe(TASK, settings, seed, origin, installed().backend(backend).make, store))
+
+
+def nested(wholes: list[StageSamples], made: Path) -> bool:
+    """Whether the samples begin with those of the discovery."""
+    return all(
+        np.array_equal(more.random.states[:KEPT], less.random.states)
+        and np.array_equal(more.interventions[-1].rewards[:KEPT], less.interventions[-1].rewards)
+        for more, less in zip(wholes, read_samples(made), strict=True)
+    )
+
+
+def rows_of(backend: str, seed: int, method: str, size: int, made: Path, work: Path) -> list[Row]:
+    """The row of one method and size; two for `kl`, whose fit serves both selections."""
+    settings = DiscoverySettings(discoverer=method, training_count=size, kci_samples=min(size, 1_000))
+    row, truth = Row(backend=backend, seed=seed, samples=size, method=method), read_truth(made)
+    if (method, size) == ("kl", KEPT):
+        graph = read_graph(made)
+    else:
+        wholes = collected(backend, seed, size, made, work)
+        row["nested"] = size <= KEPT or nested(wholes, made)
+        with cpu_seconds(row):
+            graph = decide(wholes, settings, seed)
+    rows = [row | judged(graph, truth)]
+    if method == "kl":
+        rows.append(row | {"method": FDR} | judged(by_fdr(graph), truth))
+    return rows
 
 
 def draw(table: pd.DataFrame, path: Path) -> None:
-    """Mean F1 over seeds, with a line for the worst and the best seed."""
+    """Mean F1 over seeds by method, on all stages and on stages 1 to 3."""
     import matplotlib
     from matplotlib.figure import Figure
 
-    matplotlib.rcParams.update({"svg.fonttype": "none", "svg.hashsalt": "causalbench"})
+    matplotlib.rcParams.update({"svg.fonttype": "none", "svg.hashsalt": "causalbench", "font.size": 9.0})
     backends = list(dict.fromkeys(table["backend"]))
-    figure = Figure(figsize=(4.2 * len(backends), 3.2), layout="constrained")
-    for ax, backend in zip(figure.subplots(1, len(backends), squeeze=False)[0], backends, strict=True):
-        here = table[table["backend"] == backend]
-        for selection, colour, marker in zip(SELECTIONS, ("#0072B2", "#D55E00"), "os", strict=True):
-            by_size = here[here["selection"] == selection].groupby("samples")["f1"]
-            ax.fill_between(by_size.mean().index, by_size.min(), by_size.max(), color=colour, alpha=0.15, lw=0)
-            ax.plot(by_size.mean().index, by_size.mean(), color=colour, marker=marker, label=f"select: {selection}")
+    figure = Figure(figsize=(3.9 * len(backends) + 1.3, 5.4), layout="constrained")
+    axes = figure.subplots(2, len(backends), squeeze=False, sharex=True, sharey=True)
+    for (row, column), ax in np.ndenumerate(axes):
+        measure, what = (("f1_stages_1_3", "stages 1 to 3"), ("f1", "all stages"))[row]
+        here = table[table["backend"] == backends[column]]
+        for method, (colour, marker) in STYLES.items():
+            by_size = here[here["method"] == method].groupby("samples")[measure]
+            middle = by_size.mean()
+            ax.fill_between(middle.index, by_size.min(), by_size.max(), color=colour, alpha=0.12, lw=0)
+            ax.plot(middle.index, middle, color=colour, marker=marker, ms=5, label=method)
         ax.set_xscale("log")
         ax.set_xticks(SIZES, [f"{size:,}" for size in SIZES])
         ax.minorticks_off()
         ax.set_ylim(0, 1.03)
-        ax.set_xlabel("samples in each set of a stage")
-        ax.set_ylabel("F1 on absent and strong edges")
-        ax.set_title(f"{backend}, {here['seed'].nunique()} seeds: mean, worst and best")
-        ax.legend(loc="lower right", frameon=False)
+        ax.set_title(f"{backends[column]}, {what}, {here['seed'].nunique()} seeds")
+        if row == 1:
+            ax.set_xlabel("samples in each set of a stage")
+        if column == 0:
+            ax.set_ylabel("F1: mean, worst, best")
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside right center", frameon=False)
+    path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, metadata={"Date": None})
 
 
 def main() -> None:
-    """Run what is missing, a seed at a time, and draw."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--backend", default="kinematic")
-    parser.add_argument("--seeds", type=int, default=5)
-    parser.add_argument("--out", type=Path, default=Path("docs/data"))
+    """Run what is missing and draw."""
+    parser = options(__doc__, NAME, ("kinematic", "gymrob"), 5)
+    parser.add_argument("--sizes", type=int, nargs="+", default=SIZES)
     args = parser.parse_args()
-    torch.set_num_threads(1)
-    task, file = installed().task("pure_manipulation"), args.out / "discovery_curve.csv"
-    table = pd.read_csv(file) if file.exists() else None
-    truth = None
-    for seed in range(args.seeds):
-        done = set() if table is None else set(table[(table.backend == args.backend) & (table.seed == seed)]["samples"])
-        missing = [size for size in SIZES if size not in done]
-        if not missing:
-            continue
-        truth = truth or consult_oracle(task, installed().backend(args.backend).make, STATES, 0, lambda *_: None)
-        new = rows_of_seed(task, args.backend, seed, missing, truth)
-        table = new if table is None else pd.concat([table, new])
-        args.out.mkdir(parents=True, exist_ok=True)
-        table.to_csv(file, index=False, lineterminator="\n", float_format="%.6g")
-    draw(pd.read_csv(file), args.out / "discovery_curve.svg")
+    for size in args.sizes:  # the cheap ones first, for all seeds
+        for backend in args.backends:
+            for seed in args.seeds:
+                made = folder(args.discoveries, backend, seed)
+                for method in METHODS:
+                    if method == "kci" and size > DiscoverySettings().kci_samples:
+                        continue  # its cost is cubic
+                    path = args.work / f"{backend}-{seed}-{size}-{method}.csv"
+                    measured(path, partial(rows_of, backend, seed, method, size, made, args.work))
+    draw(put_together(args.work, NAME, args.docs), args.docs.parent / "figures" / f"{NAME}.svg")
 
 
 if __name__ == "__main__":

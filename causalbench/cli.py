@@ -178,14 +178,16 @@ def leaderboard(
 ) -> None:
     """Print the leaderboard of one run, or of several that can be compared."""
     from causalbench.report.tables import merged_leaderboard
-    from causalbench.show import print_leaderboard
+    from causalbench.show import print_known_gaps, print_leaderboard
     from causalbench.store.cells import RunFolder
 
-    rows = merged_leaderboard([RunFolder(path) for path in runs])
+    folders = [RunFolder(path) for path in runs]
+    rows = merged_leaderboard(folders)
     if as_json:
         _print_json(rows)
     else:
         print_leaderboard(rows)
+        print_known_gaps(folders)
 
 
 @app.command()
@@ -307,7 +309,7 @@ def _execute(plan: Plan, folder: RunFolder, file: SuiteFile, execution: Executio
 
 def _print_run(plan: Plan, folder: RunFolder, as_json: bool) -> None:
     from causalbench.report.tables import merged_leaderboard
-    from causalbench.show import print_leaderboard, print_unfinished
+    from causalbench.show import print_known_gaps, print_leaderboard, print_unfinished
 
     rows = merged_leaderboard([folder])
     statuses = {cell.id: folder.status(cell) for cell in plan.cells}
@@ -316,6 +318,7 @@ def _print_run(plan: Plan, folder: RunFolder, as_json: bool) -> None:
         _print_json({"out": str(folder.path), "cells": cells, "leaderboard": rows})
         return
     print_leaderboard(rows)
+    print_known_gaps([folder])
     print_unfinished(statuses, folder.path)
 
 

@@ -13,7 +13,7 @@ from rich.table import Table
 from causalbench.core.discovery.graph import CausalGraph, StageGraph
 from causalbench.plugins import Plugins
 from causalbench.run.doctor import Finding
-from causalbench.store.cells import Status
+from causalbench.store.cells import RunFolder, Status
 
 if TYPE_CHECKING:
     from causalbench.core.discovery.oracle import StageTruth
@@ -46,6 +46,17 @@ def print_leaderboard(rows: Sequence[Row]) -> None:
             cells["verdict"] += f", P(better) {row['p_better_than_next']:.2f} [{low:.2f}, {high:.2f}]"
         table.add_row(*(escape(cells[key]) for key in BOARD))
     _print(table)
+
+
+def print_known_gaps(runs: Iterable[RunFolder]) -> None:
+    """A footnote of the leaderboard: which lines of the contract the backends of `runs` are known not to keep."""
+    for line in dict.fromkeys(
+        f"Known gap of {backend}: {number}, {reason}"
+        for run in runs
+        for backend, gaps in run.known_gaps().items()
+        for number, reason in gaps.items()
+    ):
+        _print(line)
 
 
 def print_unfinished(statuses: Mapping[str, Status], folder: Path) -> None:

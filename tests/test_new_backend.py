@@ -5,11 +5,11 @@ from __future__ import annotations
 import json
 import os
 import subprocess
-import sys
 import tomllib
 from pathlib import Path
 
 import pytest
+from installing import call, install
 
 from causalbench.errors import UserError
 from causalbench.scaffold import write_backend
@@ -27,40 +27,33 @@ def folder(tmp_path_factory: pytest.TempPathFactory, command: list[str]) -> Path
         "wrote my_sim_backend; now: pip install -e my_sim_backend && causalbench check my_sim"
     )
     folder = parent / "my_sim_backend"
-    options = ["--quiet", "--no-deps", "--no-index", "--no-build-isolation", "--disable-pip-version-check"]
-    pip = [sys.executable, "-m", "pip", "install", *options, "--target", str(folder / "site"), str(folder)]
-    subprocess.run(pip, check=True, capture_output=True, text=True)
+    install(folder, folder / "site")
     return folder
 
 
-def call(folder: Path, *arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
-    path = os.pathsep.join(filter(None, [str(folder / "site"), os.environ.get("PYTHONPATH")]))
-    environment = os.environ | {"PYTHONPATH": path} | environment
-    command = [sys.executable, "-m", *arguments]
-    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
-
-
 def test_it_passes_check_as_generated(folder: Path) -> None:
-    done = call(folder, "causalbench", "check", "my_sim", "--json")
+    done = call(folder, folder / "site", "causalbench", "check", "my_sim", "--json")
     checks = json.loads(done.stdout)["checks"]
     assert done.returncode == 0, [check for check in checks if check["outcome"] == "fail"]
     assert {name: sum(check["outcome"] == name for check in checks) for name in OUTCOMES} == OUTCOMES
 
 
 def test_its_own_tests_are_the_contract(folder: Path) -> None:
-    done = call(folder, "pytest", "-q", "-p", "no:cacheprovider", "-k", "s01 or s13 or s16 or s36")
+    done = call(folder, folder / "site", "pytest", "-q", "-p", "no:cacheprovider", "-k", "s01 or s13 or s16 or s36")
     assert "3 passed, 1 skipped, 43 deselected" in done.stdout, done.stdout
 
 
-def test_it_is_clean(folder: Path) -> None:
+@pytest.mark.parametrize("name", ["x", "a_name_as_long_as_that_of_some_simulators"])
+def test_it_is_clean_whatever_its_name(name: str, tmp_path: Path) -> None:
+    folder = write_backend(name, tmp_path)
     rules = ",".join(tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["ruff"]["lint"]["select"])
-    options = ["--isolated", "--line-length", "120", "causalbench_my_sim", "tests"]
+    options = ["--isolated", "--line-length", "120", f"causalbench_{name}", "tests"]
     for tool in (
         ["ruff", "check", "--select", rules, "--ignore", "D107", *options],
         ["ruff", "format", "--check", *options],
-        ["mypy", "--strict", "--follow-imports", "silent", "--cache-dir", os.devnull, "causalbench_my_sim"],
+        ["mypy", "--strict", "--follow-imports", "silent", "--cache-dir", os.devnull, f"causalbench_{name}"],
     ):
-        done = call(folder, *tool, MYPYPATH=str(ROOT))  # mypy does not see what pip installed editable
+        done = call(folder, folder, *tool, MYPYPATH=str(ROOT))  # mypy does not see what pip installed editable
         assert done.returncode == 0, done.stdout + done.stderr
 
 

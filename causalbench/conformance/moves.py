@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections import Counter
 from collections.abc import Iterator
 
 import numpy as np
@@ -29,6 +30,7 @@ AXES = ("armx", "army", "armz", "armrx", "armry", "armrz")
 ROOM = (0.1, 0.25)  # m nearer and higher: where translations start, to have room for a second of armx and armz
 BEYOND = (1.1, 1.25)  # of the amount: what a pose must leave room for, translations and rotations
 CLEARANCE = 0.12  # m between the table and a hand that shall touch nothing
+FLAGS = ("collision_base", "collision_arm", "collision_self", "holding")
 FIELDS = tuple(field.name for field in dataclasses.fields(Facts))
 
 
@@ -60,31 +62,67 @@ def draws(scene: Scene, seed: int, stage: int, of: Task = task.TASK, count: int 
         yield of.draw_layout(rng, scene.spec.workspace, scene.spec.max_opening, stage)
 
 
-def accepts(scene: Scene, layout: Layout) -> bool:
-    """Reset to `layout`; False when the scene says that it cannot be."""
+def refusal(scene: Scene, layout: Layout) -> str:
+    """Reset to `layout`; "" when the scene takes it, else the reason of its `UnreachableLayoutError`."""
     try:
         scene.reset(layout)
-    except UnreachableLayoutError:
-        return False
-    return True
+    except UnreachableLayoutError as error:
+        return str(error) or "no reason"
+    return ""
 
 
-def touches(facts: Facts) -> bool:
-    """Whether any collision flag is set or the box is held."""
-    return bool(facts.collision_base or facts.collision_arm or facts.collision_self or facts.holding)
+def accepts(scene: Scene, layout: Layout) -> bool:
+    """Reset to `layout`; False when the scene says that it cannot be."""
+    return not refusal(scene, layout)
+
+
+def contacts(facts: Facts) -> list[str]:
+    """The flags among `FLAGS` that are set."""
+    return [flag for flag in FLAGS if getattr(facts, flag)]
+
+
+class Unfit:
+    """Counts why layouts do not serve, for the message of a check that finds none which does."""
+
+    def __init__(self) -> None:
+        self._causes: Counter[str] = Counter()
+        self._refusal = ""
+
+    def serves(self, scene: Scene, layout: Layout) -> bool:
+        """Whether `reset` accepts `layout`."""
+        reason = refusal(scene, layout)
+        if reason:
+            self.add("refused by reset")
+            self._refusal = f'. The last refusal: "{reason}"'
+        return not reason
+
+    def free(self, facts: Facts) -> bool:
+        """Whether no flag is set."""
+        found = contacts(facts)
+        if found:
+            self.add(f"with {' and '.join(found)}")
+        return not found
+
+    def add(self, cause: str) -> None:
+        """Count one more."""
+        self._causes[cause] += 1
+
+    def __str__(self) -> str:
+        counts = ", ".join(f"{count} {cause}" for cause, count in self._causes.most_common())
+        return f"{counts}{self._refusal}. Is `spec.workspace` what the arm can reach?"
 
 
 def start(scene: Scene, seed: int, stage: int = 1, of: Task = task.TASK, count: int = MAX_DRAWS) -> Layout:
     """Put the scene into the first start of `stage` that it accepts free of contact, as an environment does."""
+    unfit = Unfit()
     for layout in draws(scene, seed, stage, of, count):
-        if accepts(scene, layout):
+        if unfit.serves(scene, layout):
             facts = scene.facts()
-            if not touches(facts) and int(of.stage(facts)) == stage:
-                return layout
-    raise AssertionError(
-        f"no start of stage {stage} in {count} draws of {of.name} (seed {seed}): each was refused by reset, in "
-        "contact or not in that stage; check `spec.workspace`"
-    )
+            if unfit.free(facts):
+                if int(of.stage(facts)) == stage:
+                    return layout
+                unfit.add("in another stage")
+    raise AssertionError(f"no start of stage {stage} in {count} draws of {of.name} (seed {seed}): {unfit}")
 
 
 def aside(scene: Scene, layout: Layout) -> Layout:
@@ -111,10 +149,11 @@ def clear_poses(scene: Scene, nearer: float = 0.0, higher: float = 0.1) -> Itera
 
 def clear_start(scene: Scene) -> Layout:
     """Put the scene into the first of `clear_poses` that it accepts."""
+    unfit = Unfit()
     for layout in clear_poses(scene):
-        if accepts(scene, layout):
+        if unfit.serves(scene, layout):
             return layout
-    raise AssertionError(f"reset refused {MAX_DRAWS} poses above the table; check `spec.workspace`")
+    raise AssertionError(f"none of {MAX_DRAWS} poses above the table: {unfit}")
 
 
 def full_runs(scene: Scene, name: str, value: float, size: float = 1.0, count: int = 5) -> list[list[Facts]]:
@@ -124,25 +163,28 @@ def full_runs(scene: Scene, name: str, value: float, size: float = 1.0, count: i
     start of its own, a pose a little beyond the one where it ends (`BEYOND`), and the arm hits nothing on its way.
     A rotation begins so that half of it leads to the middle of the tilts that the task asks for.
     """
-    index, runs = AXES.index(name), []
+    index, runs, unfit = AXES.index(name), [], Unfit()
     amount = value * scene.spec.action_speed[scene.spec.actions.index(name)]
     for layout in clear_poses(scene, *(ROOM if index < 3 else ())):
         if index >= 3:
             layout = _displaced(_half_tilted(layout), index, -amount / 2)
         goal = _displaced(layout, index, amount * BEYOND[index // 3])
         above = goal.eef_position[2] - scene.spec.workspace.table_height
-        if above < CLEARANCE or not accepts(scene, goal) or not accepts(scene, layout):
+        if above < CLEARANCE:
+            unfit.add(f"would end less than {CLEARANCE} m above the table")
+            continue
+        if not unfit.serves(scene, goal) or not unfit.serves(scene, layout):
             continue
         run = [scene.facts()]
         for _ in range(steps(scene, 1.0)):
             run.append(act(scene, 1, **{name: value * size}))
-        if not any(touches(facts) for facts in run):
+        if all(map(unfit.free, run)):
             runs.append(run)
         if len(runs) == count:
             return runs
     raise AssertionError(
         f"only {len(runs)} of {MAX_DRAWS} poses above the table leave room for a second of {name} at {value:+g}; "
-        f"{count} are needed. Check `spec.workspace`, where reset refuses a pose, and the collision flags"
+        f"{count} are needed. The others: {unfit}"
     )
 
 

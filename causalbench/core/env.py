@@ -36,8 +36,15 @@ def reset_worlds(
     """
     pending = list(zip(indices, rngs, strict=True))
     layouts: dict[int, Layout] = {}
+    refusal = "none"
     for _ in range(MAX_DRAWS):
-        refused = [world for world in pending if not _place(task, batch, *world, stage or 1, layouts)]
+        refused = []
+        for world in pending:
+            try:
+                layouts[world[0]] = _place(task, batch, *world, stage or 1)
+            except UnreachableLayoutError as error:
+                refused.append(world)
+                refusal = str(error)
         facts = batch.facts()
         usable = ~(facts.collision_base | facts.collision_arm | facts.collision_self | facts.holding)
         if stage is not None:
@@ -48,19 +55,16 @@ def reset_worlds(
     where = "" if stage is None else f" in stage {stage}"
     raise LayoutDrawError(
         f"task {task.name!r} found no start{where} on backend {batch.spec.backend!r} in {MAX_DRAWS} draws: "
-        f"each was out of reach, in contact or in another stage; check the declared workspace {batch.spec.workspace}"
+        f"each was refused by the scene, in contact or in another stage. The last refusal: {refusal}. The declared "
+        f"workspace: {batch.spec.workspace}"
     )
 
 
-def _place(
-    task: Task, batch: BatchScene, index: int, rng: np.random.Generator, stage: int, layouts: dict[int, Layout]
-) -> bool:
-    layouts[index] = task.draw_layout(rng, batch.spec.workspace, batch.spec.max_opening, stage)
-    try:
-        batch.reset(index, layouts[index])
-    except UnreachableLayoutError:
-        return False
-    return True
+def _place(task: Task, batch: BatchScene, index: int, rng: np.random.Generator, stage: int) -> Layout:
+    """Draw a layout and put the world into it. Raises `UnreachableLayoutError`."""
+    layout = task.draw_layout(rng, batch.spec.workspace, batch.spec.max_opening, stage)
+    batch.reset(index, layout)
+    return layout
 
 
 def action_columns(task: Task, spec: SceneSpec) -> NDArray[np.int64]:

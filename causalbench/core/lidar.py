@@ -32,6 +32,13 @@ def scanner_pose(base_pose: Array, position: tuple[float, float, float]) -> Arra
     return np.stack([x + cos * ahead - sin * left, y + sin * ahead + cos * left, np.full_like(x, height), yaw], -1)
 
 
+def rays(base_pose: Array, position: tuple[float, float, float]) -> tuple[Array, Array]:
+    """Origin (3,) m and unit directions (220, 3) in the world of a scan from `position` on the base at (3,)."""
+    *origin, yaw = scanner_pose(base_pose, position)
+    angles = yaw + ANGLES
+    return np.array(origin), np.stack([np.cos(angles), np.sin(angles), np.zeros(N_RAYS)], -1)
+
+
 def scan(boxes: Array, pose: Array) -> Array:
     """Ranges (..., 220) in metres from scanners at `pose` (..., 4) among `boxes` (..., n, 10); the closed form."""
     out: Array = _scan(boxes, pose, ANGLES)

@@ -105,7 +105,8 @@ def draw_starts(scene: Scene, count: int, seed: int = 0) -> dict[str, float]:
             bent += abs(up) > BENT
     accepted = count - sum(refused.values())
     shares = {name: value / count for name, value in refused.items()} | {"accepted": accepted / count}
-    return shares | {"at the reach limit": short / accepted, "armx changes height": bent / accepted}
+    tried = max(accepted, 1)
+    return shares | {"at the reach limit": short / tried, "armx changes height": bent / tried}
 
 
 def _push(scene: Scene) -> tuple[float, float]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import platform
 import subprocess
@@ -20,7 +19,7 @@ from causalbench.plugins import Plugins
 from causalbench.run.cell import Keeping
 from causalbench.run.executors import Outcomes, processes, serial
 from causalbench.run.live import View
-from causalbench.store.cells import SCHEMA, RunFolder, State, check_comparable
+from causalbench.store.cells import ENVIRONMENT, SCHEMA, RunFolder, State, check_comparable
 from causalbench.store.files import write_json, write_text
 from causalbench.suite.plan import Cell, LearnerCell, Plan
 from causalbench.suite.schema import SuiteFile
@@ -64,7 +63,7 @@ def run_plan(
         write_text(run.path / "suite.yaml", file.source.text)
         cells = to_do(plan, run, execution.retry)
         if cells:
-            _record_environment(run, plugins)
+            _record_environment(run, plugins, sorted({cell.backend.name for cell in plan.cells}))
         try:
             view.begin(plan.cells, cells, run)
             with closing(execution.outcomes(cells, run, view)) as outcomes:  # type: ignore[type-var]
@@ -97,15 +96,17 @@ def estimate_seconds(plan: Plan, run: RunFolder) -> dict[str, float | None]:
     }
 
 
-def _record_environment(run: RunFolder, plugins: Plugins) -> None:
+def _record_environment(run: RunFolder, plugins: Plugins, backends: Sequence[str]) -> None:
     """Add this session to `environment.json`: a run that was continued elsewhere says so."""
-    path = run.path / "environment.json"
-    earlier = json.loads(path.read_text(encoding="utf-8"))["sessions"] if path.exists() else []
-    write_json(path, {"schema": SCHEMA, "sessions": [*earlier, describe_environment(plugins)]})
+    content = {"schema": SCHEMA, "sessions": [*run.sessions(), describe_environment(plugins, backends)]}
+    write_json(run.path / ENVIRONMENT, content)
 
 
-def describe_environment(plugins: Plugins) -> dict[str, Any]:
-    """Versions, CPU and git state: what a reader needs to judge the numbers, none of it part of a cell's id."""
+def describe_environment(plugins: Plugins, backends: Sequence[str]) -> dict[str, Any]:
+    """Versions, CPU, git state, and the lines of the contract that the `backends` of the plan are known not to keep.
+
+    What a reader needs to judge the numbers; none of it is part of a cell's id.
+    """
     return {
         "started": datetime.now(UTC).isoformat(timespec="seconds"),
         "command": sys.argv,
@@ -115,6 +116,7 @@ def describe_environment(plugins: Plugins) -> dict[str, Any]:
         "cores": os.cpu_count(),
         "packages": {name: found for name in PACKAGES if (found := _version(name))},
         "plugins": {row.distribution: row.version for row in plugins.rows if not row.error},
+        "known_gaps": {name: dict(plugins.backends[name].known_gaps) for name in backends},
         "git": _git(),
     }
 

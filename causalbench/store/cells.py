@@ -22,6 +22,7 @@ DATA = "data"
 CHECKPOINT = "checkpoint.safetensors"
 """What an unfinished learner cell continues from."""
 LOG = "log.txt"
+ENVIRONMENT = "environment.json"
 KINDS = {"learner": "cells", "discovery": "discovery"}
 """Kind of a cell -> the folder that such cells lie in."""
 
@@ -132,6 +133,19 @@ class RunFolder:
         """Every cell in the folder, in an order that does not depend on when each was run."""
         found = [read_cell(path.parent) for kind in KINDS.values() for path in self.path.glob(f"{kind}/*/cell.json")]
         return in_order(found)
+
+    def sessions(self) -> list[dict[str, Any]]:
+        """What `environment.json` says of each command that ran cells here; empty before the first."""
+        path = self.path / ENVIRONMENT
+        return json.loads(path.read_text(encoding="utf-8"))["sessions"] if path.exists() else []
+
+    def known_gaps(self) -> dict[str, dict[str, str]]:
+        """Backend -> lines of the contract that it was known not to keep, with the reasons, in any session."""
+        gaps: dict[str, dict[str, str]] = {}
+        for session in self.sessions():
+            for backend, reasons in session.get("known_gaps", {}).items():
+                gaps.setdefault(backend, {}).update(reasons)
+        return gaps
 
 
 def read_cell(folder: Path) -> StoredCell:

@@ -86,6 +86,22 @@ class FlatWorkspace(Altered):
     }
 
 
+class WideWorkspace(Altered):
+    """Two hands out of three shall start where the arm does not reach."""
+
+    changes: ClassVar = {
+        "workspace": dataclasses.replace(SPEC.workspace, hand_high=(1.5, 0.2, SPEC.workspace.hand_high[2]))
+    }
+
+
+class FarWorkspace(Altered):
+    """No hand can start where it shall."""
+
+    changes: ClassVar = {
+        "workspace": dataclasses.replace(SPEC.workspace, hand_low=(3.0, -0.2, 0.75), hand_high=(3.1, 0.2, 1.0))
+    }
+
+
 class BrokenTime(Altered):
     changes: ClassVar = {"timestep": 0.03}
 

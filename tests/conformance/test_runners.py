@@ -99,3 +99,17 @@ def test_pytest_expects_a_gap_and_fails_a_closed_one(call: Callable, tmp_path: P
     assert "1 failed, 2 skipped, 90 deselected, 1 xfailed" in done.stdout
     assert "FAILED test_gappy.py::TestClosed::test_s04_time" in done.stdout
     assert "XFAIL test_gappy.py::TestGap::test_s04_time - the engine rounds its [clock]" in done.stdout
+
+
+def test_a_run_and_its_leaderboard_say_which_gaps_are_known(call: Callable, tiny_suite: Path, tmp_path: Path) -> None:
+    text = tiny_suite.read_text().replace("[kinematic]", "[gappy, kinematic]").replace("[cmSAC, mSAC]", "[mSAC]")
+    (tmp_path / "gappy.yaml").write_text(text)
+    done = call("causalbench", "run", "gappy.yaml", "--tier", "smoke", "--out", "run", "--jobs", "1", "--quiet")
+    assert done.returncode == 0, done.stderr
+    sessions = json.loads((tmp_path / "run" / "environment.json").read_text())["sessions"]
+    assert [session["known_gaps"] for session in sessions] == [
+        {"gappy": {"S4": "the engine rounds its [clock]"}, "kinematic": {}}
+    ]
+    footnote = "Known gap of gappy: S4, the engine rounds its [clock]"
+    assert done.stdout.count(footnote) == 1
+    assert call("causalbench", "leaderboard", "run", "run").stdout.count(footnote) == 1

@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 
 import pytest
-from conformance.broken import BROKEN, INTACT, MOBILE_NUMBERS
+from conformance.broken import BROKEN, INTACT, MOBILE_NUMBERS, FarWorkspace, WideWorkspace, backend
 
 from causalbench.conformance.bench import Bench
 from causalbench.conformance.suite import CHECKS, Result, run_check, run_checks
@@ -38,6 +38,24 @@ def test_a_broken_scene_fails_exactly_its_check(number: str) -> None:
     failed = outcomes([run_check(check, bench) for check in checks], "fail")
     assert list(failed) == [number], failed
     assert len(failed[number]) > 30  # a sentence, not a bare name
+
+
+def test_a_workspace_larger_than_the_reach_fails_one_line_and_the_message_says_why() -> None:
+    bench = Bench(backend(WideWorkspace))
+    failed = outcomes([run_check(check, bench) for check in CHECKS if check.number not in IN_NEW_PROCESSES], "fail")
+    assert list(failed) == ["S12"], failed
+    assert re.fullmatch(
+        r"reset accepted only \d+ of 40 starts, half are needed: \d+ refused by reset\. The last refusal: "
+        r'"hand at .* lies above the reach limit .*"\. Is `spec.workspace` what the arm can reach\?',
+        failed["S12"],
+    ), failed["S12"]
+
+
+def test_where_no_start_is_found_the_message_says_what_was_refused_and_why() -> None:
+    bench = Bench(backend(FarWorkspace))
+    message = next(run_check(check, bench) for check in CHECKS if check.number == "S6").message
+    assert "no start of stage 1 in 200 draws" in message
+    assert '200 refused by reset. The last refusal: "hand at ' in message
 
 
 @pytest.mark.long

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import json
-import os
 import re
-import subprocess
-import sys
 from pathlib import Path
+
+from installing import call, install
 
 from causalbench.scaffold import write_backend
 
@@ -25,12 +24,8 @@ def test_the_tutorial_leads_to_a_green_check(tmp_path: Path) -> None:
         source, count = re.subn(rf"^({name}.*?) = .*$", lambda m, v=line: f"{m[1]} = {v}", source, flags=re.MULTILINE)
         assert count == 1
     (package / "__init__.py").write_text(source)
-    options = ["--quiet", "--no-deps", "--no-index", "--no-build-isolation", "--disable-pip-version-check"]
-    pip = [sys.executable, "-m", "pip", "install", *options, "--target", str(tmp_path / "site"), str(folder)]
-    subprocess.run(pip, check=True, capture_output=True, text=True)
-    path = os.pathsep.join(filter(None, [str(tmp_path / "site"), os.environ.get("PYTHONPATH")]))
-    command = [sys.executable, "-m", "causalbench", "check", "mujoco_hand", "--json"]
-    done = subprocess.run(command, cwd=tmp_path, env=os.environ | {"PYTHONPATH": path}, capture_output=True, text=True)
+    install(folder, tmp_path / "site")
+    done = call(tmp_path, tmp_path / "site", "causalbench", "check", "mujoco_hand", "--json")
     checks = json.loads(done.stdout)["checks"]
     others = {check["number"]: check["message"] for check in checks if check["outcome"] != "pass"}
     assert others.keys() == {"S16", *(f"S{number}" for number in range(40, 48))}  # the lines of a base that drives

@@ -46,6 +46,38 @@ def test_the_files_need_numpy_and_pandas_alone(collected):
     assert (about["request"]["seed"], about["units"]["actions"]) == (3, "share of full speed, -1 to 1; 0: not executed")
 
 
+def test_a_colleague_without_causalbench_reads_them(collected):
+    _, folder = collected
+    code = (
+        "import sys, numpy as np, pandas as pd\n"
+        f"d = np.load({str(folder / 'stage4-random.npz')!r})\n"
+        "print(pd.DataFrame(d['states'], columns=d['state_names']).join(\n"
+        "    pd.DataFrame(d['rewards'], columns=d['reward_names'])).shape)\n"
+        "print(any(name.startswith('causalbench') for name in sys.modules))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split("\n")[:2] == ["(64, 17)", "False"]
+
+
+class Interrupted(SampleFolder):
+    """Ctrl-C once three sets are there."""
+
+    def save(self, about, samples, task):
+        super().save(about, samples, task)
+        if len(list(self.path.iterdir())) == 3:
+            raise KeyboardInterrupt
+
+
+def test_an_interrupted_discovery_continues_where_it_was(collected, tmp_path):
+    graph, _ = collected
+    with pytest.raises(KeyboardInterrupt):
+        discover(TASK, make, TINY, 3, _quiet, store=Interrupted(tmp_path))
+    stamp = {path: path.stat().st_mtime_ns for path in tmp_path.iterdir()}
+    assert len(stamp) == 3
+    assert discover(TASK, make, TINY, 3, _quiet, store=SampleFolder(tmp_path)).hash == graph.hash
+    assert all(path.stat().st_mtime_ns == then for path, then in stamp.items())
+
+
 def test_inference_on_the_files_gives_the_same_graph_and_imports_no_simulator(collected, command, tmp_path):
     graph, folder = collected
     store = SampleFolder(folder)
@@ -154,6 +186,17 @@ def test_steps_that_are_not_finite_are_left_out_and_counted(broken, decided):
     else:
         assert "of 200 samples in 'random'" in stage.notes[0]
         assert "steps were not finite" in stage.notes[0]
+
+
+def test_a_state_that_is_not_finite_ends_its_sequence():
+    task, noise = toy_task(_rewards, 2), np.random.default_rng(0)
+
+    def observe(facts):
+        return np.where(noise.random((len(facts.eef_position), 1)) < 0.1, np.nan, task.observe(facts))
+
+    (stage,) = _graph(dataclasses.replace(task, observe=observe)).stages
+    assert stage.testable.all()
+    assert np.isfinite(stage.kl).all()
 
 
 def test_fewer_samples_than_asked_for_are_noted():

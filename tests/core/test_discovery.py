@@ -9,6 +9,7 @@ import torch
 from toy import make_toy, toy_task
 from truth import TRUTH
 
+from causalbench.core.discovery import reward_model
 from causalbench.core.discovery.collect import collect
 from causalbench.core.discovery.divergence import divergence, gaussian_kl
 from causalbench.core.discovery.graph import CausalGraph, manual_graph
@@ -66,6 +67,20 @@ def test_the_graph_is_a_function_of_the_seed():
     first, again, other = (discover(task, make_toy, small, seed, _quiet).hash for seed in (3, 3, 4))
     assert first == again
     assert first != other
+
+
+def test_the_gradients_of_a_batch_are_autograds():
+    generator = torch.Generator().manual_seed(0)
+    weights = reward_model._initial_weights(3, 5, generator)
+    x, target = torch.randn(3, 7, 5, generator=generator), torch.randn(3, 7, 1, generator=generator)
+    free = [w.clone().requires_grad_() for w in weights]
+    loss = reward_model._negative_log_likelihood(reward_model._forward(free, x), target, -4.0).sum()
+    for w in weights:
+        w.grad = torch.empty_like(w)
+    space = [torch.empty(3, 7, width) for width in reward_model.HIDDEN * 2]
+    reward_model._set_gradients(weights, x, target, -4.0, space)
+    for w, expected in zip(weights, torch.autograd.grad(loss, free), strict=True):
+        torch.testing.assert_close(w.grad, expected)
 
 
 def test_gaussian_kl_equals_torch():

@@ -85,6 +85,22 @@ def test_metrics_have_the_properties_of_metrics(seed):
             assert score_matrix(better, grades).f1 >= score.f1
 
 
+@pytest.mark.parametrize("seed", range(20))
+def test_shd_is_a_distance_and_f1_does_not_care_which_of_two_graphs_is_the_truth(seed):
+    rng = np.random.default_rng(seed)
+    shape = (int(rng.integers(1, 6)), int(rng.integers(1, 5)))
+    one, two, three = (rng.random(shape) < rng.random() for _ in range(3))
+
+    def score(selected, present):
+        return score_matrix(selected, [[Grade.strong if p else Grade.absent for p in row] for row in present])
+
+    assert (score(one, two).shd == 0) == bool((one == two).all())
+    assert score(one, two).shd == score(two, one).shd
+    assert score(one, three).shd <= score(one, two).shd + score(two, three).shd
+    assert score(one, two).f1 == score(two, one).f1
+    assert (score(one, two).precision, score(one, two).recall) == (score(two, one).recall, score(two, one).precision)
+
+
 def test_weak_edges_count_only_when_asked():
     grades = [[Grade.weak, Grade.strong, Grade.absent, Grade.untestable]]
     matrix = np.array([[False, True, True, True]])

@@ -52,6 +52,14 @@ def test_the_shipped_suites_are_valid() -> None:
     assert [load_suite(path).suite.name for path in suites] == [path.stem for path in suites]
 
 
+def test_the_suite_of_the_page_for_backend_authors_is_valid(tmp_path: Path) -> None:
+    page = (Path(__file__).parents[2] / "docs" / "plugins.md").read_text()
+    text = page.partition("```yaml\n")[2].partition("```")[0].replace("my_sim", "kinematic")
+    suite = load_suite(write(tmp_path, text)).suite
+    assert suite.backends == ("kinematic",)
+    assert suite.tiers["smoke"].env_steps == 600
+
+
 @pytest.mark.parametrize(
     ("old", "new", "line", "message"),
     [

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from causalbench.conformance.bench import Bench, expect
 from causalbench.conformance.checks.repeat import check_restored
-from causalbench.conformance.moves import ANGLE_ERROR, POSITION_ERROR, accepts, act, start, steps, touches, vector
+from causalbench.conformance.moves import ANGLE_ERROR, POSITION_ERROR, accepts, act, contacts, start, steps, vector
 from causalbench.core import lidar, rotations
 from causalbench.core.layout import Layout
 from causalbench.core.scene import Facts, Scene
@@ -78,7 +78,7 @@ def s41_arc(bench: Bench) -> None:
         _start(scene, 0)
         before = scene.facts()
         after = act(scene, count, forward=0.5, turn=value)
-        expect(not touches(after), "an arc of half a metre from a start of stage 1 runs into something")
+        expect(not contacts(after), "an arc of half a metre from a start of stage 1 runs into something")
         turned = value * _speed(scene, "turn") * count * scene.spec.control_dt
         chord = 0.5 * _speed(scene, "forward") * count * scene.spec.control_dt * math.sin(turned / 2) / (turned / 2)
         heading = before.base_pose[2] + turned / 2
@@ -181,7 +181,7 @@ def _at_wall(scene: Scene) -> None:
         eef_quaternion=rotations.canonical(rotations.multiply(turn, layout.eef_quaternion)),
     )
     expect(accepts(scene, there), f"reset refuses a base {WALL} m in front of a wall: {there.base_pose}")
-    expect(not touches(scene.facts()), f"a base {WALL} m in front of a wall is in contact")
+    expect(not contacts(scene.facts()), f"a base {WALL} m in front of a wall is in contact")
 
 
 def _drive_into_wall(scene: Scene) -> list[Facts]:
@@ -237,7 +237,7 @@ def s47_mobile_expert(bench: Bench) -> None:
             if TASK.success(before, facts):
                 where = ""
                 break
-            if touches(facts):
+            if contacts(facts):
                 where = f"{', '.join(name for name in FLAGS if getattr(facts, name))} in stage {int(before)}"
                 break
         expect(not where, f"the scripted expert (seed {seed}): {where}; the base is at {facts.base_pose}")

@@ -8,7 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from causalbench.conformance.bench import Bench, expect
-from causalbench.conformance.moves import ANGLE_ERROR, POSITION_ERROR, accepts, act, draws, row, start, touches
+from causalbench.conformance.moves import (
+    ANGLE_ERROR,
+    POSITION_ERROR,
+    Unfit,
+    accepts,
+    act,
+    contacts,
+    draws,
+    row,
+    start,
+)
 from causalbench.core import rotations
 from causalbench.core.layout import Box, Layout
 from causalbench.core.scene import Facts
@@ -16,6 +26,7 @@ from causalbench.core.tasks.pure_manipulation import BASE_YAW, N_STAGES
 
 ELSEWHERE = (0.4, -0.3, 0.7)
 """Another place for the robot's base: x m, y m, yaw rad."""
+DRAWS = 40
 
 
 def s09_layout(bench: Bench) -> None:
@@ -125,12 +136,16 @@ def s11_out_of_reach(bench: Bench) -> None:
 
 
 def s12_no_contact(bench: Bench) -> None:
-    """S12. No start that reset accepts is in contact or holds the box (40 starts of stage 1)."""
-    bad, accepted = [], 0
-    for number, layout in zip(range(40), draws(bench.scene, 0, 1), strict=False):
-        if accepts(bench.scene, layout):
+    """S12. No start that reset accepts is in contact or holds the box, and it accepts at least half of 40 (stage 1).
+
+    Starts are drawn again until one is accepted. In a workspace much larger than the reach that hides the mistake, and
+    a seed would mean another start here than in other simulators.
+    """
+    bad, accepted, unfit = [], 0, Unfit()
+    for number, layout in zip(range(DRAWS), draws(bench.scene, 0, 1), strict=False):
+        if unfit.serves(bench.scene, layout):
             accepted += 1
-            if touches(bench.scene.facts()):
+            if contacts(bench.scene.facts()):
                 bad.append(number)
-    expect(accepted >= 10, f"reset accepted only {accepted} of 40 starts: is `spec.workspace` what the arm can reach?")
+    expect(2 * accepted >= DRAWS, f"reset accepted only {accepted} of {DRAWS} starts, half are needed: {unfit}")
     expect(not bad, f"{len(bad)} of {accepted} accepted starts are in contact (draws {bad}): refuse them in reset")

@@ -94,7 +94,10 @@ def fit_reward_models(
     encoder, device = Encoder(reference.sensor), device_for(reference.sensor)
     n_pairs, n_seen = n_actions * n_terms, inputs.shape[2] + encoder.n_features
     weights = encoder.initial_weights(generator, n_pairs) + _initial_weights(n_pairs, n_seen, generator)
-    weights, targets = [w.to(device).requires_grad_() for w in weights], targets.to(device)
+    weights, targets = [w.to(device) for w in weights], targets.to(device)
+    for w in weights:
+        w.grad = torch.empty_like(w)
+        w.requires_grad_(bool(encoder.sensor))  # convolutions are left to autograd
     best_weights = [w.detach().clone() for w in weights]
     best_loss = torch.full((n_pairs,), math.inf, device=device)
     optimizer = torch.optim.Adam(weights, settings.learning_rate, fused=True)
@@ -103,23 +106,33 @@ def fit_reward_models(
     held_out, train = order[:n_held_out], order[n_held_out:]
     log_sigma_min = math.log(settings.sigma_train)
 
-    def loss(rows: Tensor) -> Tensor:
+    def batch(rows: Tensor) -> Tensor:
         x = inputs[:, rows]
         if encoder.sensor:
             x = torch.stack([_with_frames(x[k], samples, rows) for k, samples in enumerate(data)]).to(device)
-        out = _forward(*encoder(weights, x.repeat_interleave(n_terms, 0)))
+        return x.repeat_interleave(n_terms, 0)
+
+    def loss(rows: Tensor) -> Tensor:
+        out = _forward(*encoder(weights, batch(rows)))
         return _negative_log_likelihood(out, targets[:, rows], log_sigma_min)
 
     def held_out_loss() -> Tensor:
         parts = torch.split(held_out, FRAMES_AT_ONCE if encoder.sensor else len(held_out))
         return torch.stack([loss(rows) * (len(rows) / len(held_out)) for rows in parts]).sum(0)
 
+    space: dict[int, list[Tensor]] = {}  # by batch size
     stale = epoch = 0
     for epoch in range(1, settings.max_epochs + 1):
         shuffled = train[torch.randperm(len(train), generator=generator)]
         for rows in torch.split(shuffled, settings.batch_size):
-            optimizer.zero_grad(set_to_none=True)
-            loss(rows).sum().backward()  # type: ignore[no-untyped-call]
+            if encoder.sensor:
+                for w, gradient in zip(weights, torch.autograd.grad(loss(rows).sum(), weights), strict=True):
+                    w.grad = gradient
+                optimizer.step()
+                continue
+            if len(rows) not in space:
+                space[len(rows)] = [torch.empty(n_actions * n_terms, len(rows), width) for width in HIDDEN * 2]
+            _set_gradients(weights, batch(rows), targets[:, rows], log_sigma_min, space[len(rows)])
             optimizer.step()
         on_progress(epoch / settings.max_epochs)
         if not settings.patience:
@@ -169,6 +182,30 @@ def _forward(weights: list[Tensor], x: Tensor) -> Tensor:
     for kernel, bias in zip(weights[:-2:2], weights[1:-2:2], strict=True):
         x = torch.baddbmm(bias, x, kernel).relu()
     return torch.baddbmm(weights[-1], x, weights[-2])
+
+
+@torch.no_grad()
+def _set_gradients(
+    weights: list[Tensor], x: Tensor, target: Tensor, log_sigma_min: float, space: Sequence[Tensor]
+) -> None:
+    """Set the gradient of the summed loss of a batch (pairs, n, d) in every weight, working in `space`.
+
+    Backpropagation written out: autograd does the same products, to the bit, but takes new memory for each, and memory
+    is what this waits for. `space` has two tensors of every hidden layer's shape.
+    """
+    layers = [x]
+    for kernel, bias, out in zip(weights[:-2:2], weights[1:-2:2], space[: len(HIDDEN)], strict=True):
+        layers.append(torch.baddbmm(bias, layers[-1], kernel, out=out).relu_())
+    prediction = torch.baddbmm(weights[-1], layers[-1], weights[-2]).requires_grad_()
+    with torch.enable_grad():
+        loss = _negative_log_likelihood(prediction, target, log_sigma_min).sum()
+    (gradient,) = torch.autograd.grad(loss, prediction)
+    for i in reversed(range(len(layers))):
+        torch.bmm(layers[i].mT, gradient, out=weights[2 * i].grad)
+        torch.sum(gradient, 1, keepdim=True, out=weights[2 * i + 1].grad)
+        if i:
+            gradient = torch.bmm(gradient, weights[2 * i].mT, out=space[len(HIDDEN) + i - 1])
+            torch.ops.aten.threshold_backward.grad_input(gradient, layers[i], 0, grad_input=gradient)
 
 
 def _negative_log_likelihood(out: Tensor, target: Tensor, log_sigma_min: float) -> Tensor:

@@ -8,6 +8,7 @@ whichever side the robot comes. Success: after a step from stage 3 the hand is i
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -224,10 +225,10 @@ def _rewards(
 LOOK_AHEAD = 4  # cells of the ground
 
 
-def expert(facts: Facts, spec: SceneSpec, layout: Layout | None = None) -> Array:
+def expert(facts: Facts, spec: SceneSpec, layout: Layout | Sequence[Layout] | None = None) -> Array:
     """Scripted macro action (..., 5): what the stage asks for and nothing else.
 
-    With a `layout` it drives along the shortest way over the room's free ground (facts of one world), else straight on.
+    With a `layout` it drives along the shortest way over the room's free ground, else straight on.
     """
     speed = dict(zip(spec.actions, spec.action_speed, strict=True))
     gain = 0.5 / spec.control_dt
@@ -235,8 +236,14 @@ def expert(facts: Facts, spec: SceneSpec, layout: Layout | None = None) -> Array
     base = facts.base_pose
     goal = facts.object_position[..., :2]
     if layout is not None:
-        ground = rooms.ground(layout.fixtures, _carry(spec.workspace).footprint)
-        goal = np.where(u == 1, ground.waypoint(base[:2], goal, LOOK_AHEAD), goal)
+        layouts = [layout] if isinstance(layout, Layout) else layout
+        goal = goal.copy()
+        for room, stage_of, start, end in zip(
+            layouts, np.atleast_1d(u), np.atleast_2d(base), np.atleast_2d(goal), strict=True
+        ):
+            if stage_of == 1:
+                ground = rooms.ground(room.fixtures, _carry(spec.workspace).footprint)
+                end[:] = ground.waypoint(start[:2], end, LOOK_AHEAD)
     way = goal - base[..., :2]
     bearing = np.arctan2(way[..., 1], way[..., 0]) - base[..., 2]
     bearing = (bearing + math.pi) % math.tau - math.pi

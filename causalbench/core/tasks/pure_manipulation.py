@@ -8,6 +8,7 @@ Success: in stage 4 both fingers press on the box (`Facts.holding`), judged from
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -256,7 +257,7 @@ def _rewards(
         out[term] = scale[term] * out[term] if scale[term] > 0.0 else 0.0
 
 
-def expert(facts: Facts, spec: SceneSpec, layout: Layout | None = None) -> Array:
+def expert(facts: Facts, spec: SceneSpec, layout: Layout | Sequence[Layout] | None = None) -> Array:
     """Scripted macro action (..., 7): proportional control of what the stage asks for and nothing else."""
     del layout  # nothing is in the way
     speed = dict(zip(spec.actions, spec.action_speed, strict=True))

@@ -11,7 +11,7 @@ from collections.abc import Collection, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core.batch import BatchScene
+from causalbench.core.batch import BatchScene, select
 from causalbench.core.env import action_columns, reset_worlds
 from causalbench.core.tasks.stages import judge
 from causalbench.core.tasks.task import Task
@@ -24,8 +24,9 @@ def solved_starts(
 ) -> NDArray[np.bool_]:
     """Bool (starts,): from which starts of `stage` the expert gets further with `actions` (stage -> names) alone.
 
-    In stage i every action outside `actions[i]` is sent as 0. Solved means a step into a later stage than `stage`, or
-    success, within `task.horizon` steps; who is thrown back goes on with the actions of the stage he is in.
+    In stage i every action outside `actions[i]` is sent as 0; the expert has the map. Solved means a step into a later
+    stage than `stage`, or success, within `task.horizon` steps; who is thrown back goes on with the actions of the
+    stage he is in.
     Start i is the same whatever the actions, and the same seed in every simulator.
     """
     allowed = np.array([[a in actions.get(s, ()) for a in task.actions] for s in range(task.n_stages + 1)])
@@ -34,12 +35,14 @@ def solved_starts(
     for first in range(0, starts, batch.n):
         here = np.arange(min(batch.n, starts - first))
         rngs = [np.random.default_rng([stage, first + int(i)]) for i in here]
-        reset_worlds(task, batch, here.tolist(), rngs, stage)
+        layouts = reset_worlds(task, batch, here.tolist(), rngs, stage)
         running = np.isin(np.arange(batch.n), here)
         before = batch.facts()
         inside = task.stage(before)
         for _ in range(task.horizon):
-            chosen = np.where(allowed[inside] & running[:, None], task.expert(before, batch.spec), 0.0)
+            chosen = np.zeros((batch.n, len(task.actions)))
+            wanted = task.expert(select(before, here), batch.spec, layouts)
+            chosen[here] = np.where(allowed[inside[here]] & running[here, None], wanted, 0.0)
             full = np.zeros((batch.n, len(batch.spec.actions)))
             full[:, columns] = chosen
             batch.step(full)

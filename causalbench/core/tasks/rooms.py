@@ -61,6 +61,7 @@ PLANS: tuple[dict[str, tuple[float, float, float]], ...] = (
 N_PLANS = len(PLANS)
 
 CELL = 0.1  # m, side of a cell of the ground
+WAYS_KEPT = 64  # goals whose distances are remembered, for as many worlds as are usually stepped together
 _HALF_DIAGONAL = CELL / math.sqrt(2)
 _NEIGHBOURS = tuple((i, j, CELL * math.hypot(i, j)) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j)
 
@@ -114,7 +115,9 @@ class Ground:
         """Length (nx, ny) in metres of the shortest way over free cells from that of `point`; infinite elsewhere."""
         cell = self.cell(point)
         if cell not in self._ways:
-            self._ways = {cell: self._spread(self.free, cell)}
+            if len(self._ways) == WAYS_KEPT:
+                del self._ways[next(iter(self._ways))]
+            self._ways[cell] = self._spread(self.free, cell)
         return self._ways[cell]
 
     def waypoint(self, start: Array, goal: Array, ahead: int) -> Array:

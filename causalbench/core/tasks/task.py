@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, Protocol
 
@@ -20,10 +20,11 @@ CausalSets = Mapping[int, Mapping[str, frozenset[str]]]
 class Expert(Protocol):
     """The scripted macro action (..., n_actions) that proves a task solvable.
 
-    `layout` is the map it may plan on; without it, it takes the world for empty.
+    `layout` is the map it may plan on, one a world where `facts` are of several; without it, it takes the world for
+    empty.
     """
 
-    def __call__(self, facts: Facts, spec: SceneSpec, layout: Layout | None = None) -> Array:
+    def __call__(self, facts: Facts, spec: SceneSpec, layout: Layout | Sequence[Layout] | None = None) -> Array:
         """A pure function, like all else of a task."""
 
 

@@ -49,11 +49,10 @@ class MobileWorld(World):
 
     def scan(self) -> Array:
         """Ranges (220,) in metres of the LiDAR."""
-        x, y, z, yaw = lidar.scanner_pose(self.qpos[self.base], LIDAR_POSITION)
-        angles, out = yaw + lidar.ANGLES, np.empty(lidar.N_RAYS)
-        rays = np.stack([np.cos(angles), np.sin(angles), np.zeros(lidar.N_RAYS)], -1).ravel()
+        origin, rays = lidar.rays(self.qpos[self.base], LIDAR_POSITION)
+        out = np.empty(lidar.N_RAYS)
         mujoco.mj_multiRay(
-            self.model, self.data, np.array([x, y, z]), rays, self._seen, 1, -1, self._hits, out, lidar.N_RAYS,
+            self.model, self.data, origin, rays.ravel(), self._seen, 1, -1, self._hits, out, lidar.N_RAYS,
             lidar.MAX_RANGE,
         )  # fmt: skip
         out[out < 0.0] = lidar.MAX_RANGE

@@ -60,11 +60,9 @@ class MobileWorld(World):
 
     def scan(self) -> Array:
         """Ranges (220,) in metres of the LiDAR."""
-        *origin, yaw = lidar.scanner_pose(self.base_state()[:3], LIDAR_POSITION).tolist()
-        angles = yaw + lidar.ANGLES
-        rays = lidar.MAX_RANGE * np.stack([np.cos(angles), np.sin(angles), np.zeros(lidar.N_RAYS)], -1)
-        ends = (rays + origin).tolist()
-        hits = pb.rayTestBatch(list(repeat(origin, lidar.N_RAYS)), ends, collisionFilterMask=STATIC, **self._at)
+        origin, rays = lidar.rays(self.base_state()[:3], LIDAR_POSITION)
+        starts, ends = list(repeat(origin.tolist(), lidar.N_RAYS)), (origin + lidar.MAX_RANGE * rays).tolist()
+        hits = pb.rayTestBatch(starts, ends, collisionFilterMask=STATIC, **self._at)
         return np.array([lidar.MAX_RANGE * hit[2] for hit in hits])  # the fraction is 1 where nothing is met
 
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from causalbench.core import arm_ik
 from causalbench.core.compiled import compiled, external
+from causalbench_robosuite import riding
 from causalbench_robosuite.engine import mujoco
 from causalbench_robosuite.structs import N_JOINTS, Base, Law, Reference, Robot, State, Work
 
@@ -274,6 +275,7 @@ def track(
     data: int,
     substeps: int,
     dt: float,
+    base: Base,
     robot: Robot,
     law: Law,
     reference: Reference,
@@ -283,12 +285,15 @@ def track(
 ) -> None:
     """Advance by `substeps` timesteps of `dt` seconds while the reference moves with `speed` (13,), see `_advance`.
 
+    The reference and its speed are relative to `base`, and so is the hand's velocity in the law.
+
     `model` and `data` are addresses; `closing` is in m/s. Enters after `mj_step1`; leaves as `mj_step` does.
     """
     n = N_JOINTS
     work = Work(
         np.empty((n, n)), np.empty((n, n)), np.empty((n, 6)), np.empty((n, 6)), np.empty((6, 6)), np.empty(6),
         np.empty(6), np.empty(n), np.empty((3, 3)), np.empty((3, 3)),
+        np.empty((3, 3)),
     )  # fmt: skip
     linear = state.jacobian.ctypes.data
     angular = linear + state.jacobian[0].nbytes
@@ -296,6 +301,7 @@ def track(
     for substep in range(substeps):
         if substep:
             _mj_step1(model, data)
+            riding.ride(base, robot, state, reference, speed, work.small, work.ride)
         _glide(reference, speed, dt, turning, work.turn, work.small)
         _mj_jac_site(model, data, linear, angular, robot.site)
         _arm(reference, robot, state, law, speed, work)
@@ -304,9 +310,9 @@ def track(
 
 
 def _compile(stamp: int) -> Callable[..., int]:
-    """The kernel. Numba's disk cache knows the code of this file and the values of the closure, not `arm_ik`.
+    """The kernel. Numba's disk cache knows the code of this file and the values of the closure, not what it imports.
 
-    So the closure holds a stamp of that file: another version of it is compiled anew.
+    So the closure holds a stamp of those files: another version of one of them is compiled anew.
     """
 
     @compiled(nogil=True)
@@ -334,11 +340,12 @@ def _compile(stamp: int) -> Callable[..., int]:
         for part in range(parts):
             if part:
                 _mj_step1(model, data)
+            riding.locate(base, robot, state)
             _advance(chain, base, reference, state, law, delta[:6], substeps * dt, speed)
-            track(model, data, substeps, dt, robot, law, reference, speed, delta[6] / (substeps * dt), state)
+            track(model, data, substeps, dt, base, robot, law, reference, speed, delta[6] / (substeps * dt), state)
         return stamp
 
     return control_step
 
 
-control_step = _compile(zlib.crc32(Path(arm_ik.__file__).read_bytes()))
+control_step = _compile(zlib.crc32(b"".join(Path(module.__file__).read_bytes() for module in (arm_ik, riding))))

@@ -72,8 +72,8 @@ def gains() -> Gains:
 
 
 @cache
-def stock_xml() -> str:
-    """The Panda on its mount at the origin in the table arena, as robosuite writes it."""
+def stock_xml(name: str) -> str:
+    """robosuite's robot `name` on its base at the origin in the table arena, as robosuite writes it."""
     with quiet():
         from robosuite.models.arenas import TableArena
         from robosuite.models.bases import robot_base_factory
@@ -81,7 +81,7 @@ def stock_xml() -> str:
         from robosuite.models.robots.robot_model import create_robot
         from robosuite.models.tasks import ManipulationTask
 
-        robot = create_robot("Panda", idn=0)
+        robot = create_robot(name, idn=0)
         robot.add_base(robot_base_factory(robot.default_base, idn=0))
         robot.add_gripper(gripper_factory(robot.default_gripper["right"], idn="0_right"), robot.eef_name["right"])
         robot.set_base_xpos([0.0, 0.0, 0.0])
@@ -92,8 +92,13 @@ def stock_xml() -> str:
 
 
 def build(timestep: float, n_fixtures: int) -> mujoco.MjModel:
-    """The robot, a floor, one free box and `n_fixtures` static boxes `fixture0`..., all of placeholder sizes."""
-    spec = mujoco.MjSpec.from_string(stock_xml())
+    """The Panda on its mount in the world of `assemble`."""
+    return assemble("Panda", timestep, n_fixtures).compile()
+
+
+def assemble(robot: str, timestep: float, n_fixtures: int) -> mujoco.MjSpec:
+    """A robot, a floor, one free box and `n_fixtures` static boxes `fixture0`..., all of placeholder sizes."""
+    spec = mujoco.MjSpec.from_string(stock_xml(robot))
     spec.option.timestep = timestep
     # The declared inertias of hand and fingers are those of boxes a metre wide: their drag in air would be 4 N m.
     spec.option.density = spec.option.viscosity = 0.0
@@ -101,7 +106,7 @@ def build(timestep: float, n_fixtures: int) -> mujoco.MjModel:
     strip(spec)
     for name, sign in zip(FINGER_SERVOS, (1.0, -1.0), strict=True):
         spec.actuator(name).ctrlrange = sorted(sign * bound for bound in FINGER_RANGE)
-    return spec.compile()
+    return spec
 
 
 def strip(spec: mujoco.MjSpec) -> None:
@@ -156,6 +161,7 @@ def _furnish(spec: mujoco.MjSpec, n_fixtures: int) -> None:
 def geom_classes(model: mujoco.MjModel) -> Indices:
     """The class of every geom, (ngeom,)."""
     moving = int(model.joint(ARM_JOINTS[0]).bodyid[0])
+    base = int(model.body_weldid[model.body_parentid[moving]])
     classes = np.full(model.ngeom, readings.FIXTURE)
     for i in range(model.ngeom):
         body = model.body(model.geom_bodyid[i])
@@ -168,7 +174,7 @@ def geom_classes(model: mujoco.MjModel) -> Indices:
                 else readings.RIGHT
             )
         elif body.rootid[0] == model.body(moving).rootid[0]:
-            arm = body.name.startswith((ROBOT, GRIPPER)) and body.weldid[0] != 0
+            arm = body.name.startswith((ROBOT, GRIPPER)) and body.weldid[0] != base
             classes[i] = readings.ARM if arm else readings.BASE
     return classes
 

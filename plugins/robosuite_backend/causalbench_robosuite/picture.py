@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import atexit
-import functools
 import importlib
 import os
 from typing import Any
@@ -20,17 +19,15 @@ MAX_GEOMS = 1000
 
 def draw(model: mujoco.MjModel, data: mujoco.MjData, width: int, height: int, camera: Camera) -> NDArray[np.uint8]:
     """RGB image (height, width, 3) of what `camera` sees."""
-    return _painter(os.getpid()).draw(model, data, width, height, camera)
+    key = os.getpid(), model.nmeshvert
+    if key not in _PAINTERS:
+        _PAINTERS[key] = _Painter(model)
+        atexit.register(_PAINTERS[key].close)
+    return _PAINTERS[key].draw(model, data, width, height, camera)
 
 
-@functools.cache
-def _painter(process: int) -> _Painter:
-    """The painter of this process: an OpenGL context takes a second to make and does not survive a fork."""
-    from causalbench_robosuite.model import build
-
-    painter = _Painter(build(timestep=0.002, n_fixtures=1))
-    atexit.register(painter.close)
-    return painter
+_PAINTERS: dict[tuple[int, int], _Painter] = {}
+"""One for each robot: a context takes a second to make. It does not survive a fork, so the process counts, too."""
 
 
 class _Painter:

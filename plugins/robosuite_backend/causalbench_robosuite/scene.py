@@ -44,18 +44,21 @@ ARM_STARTS = tuple(
 class RobosuiteScene(Scene):
     """The Panda and one free box among fixtures. Holds the state after `mj_step1`: poses and contacts are fresh."""
 
+    world_type: type[World] = World
+    robot, workspace = "Panda", WORKSPACE
+
     def __init__(self, control_hz: float = 10.0, timestep: float = 0.002) -> None:
         self.substeps = stepping.whole_substeps(control_hz, timestep)
-        self._world = World(timestep, n_fixtures=1)
+        self._world = self.world_type(timestep, n_fixtures=1)
         self.spec = SceneSpec(
             backend="robosuite",
             backend_version=__version__,
             engine="MuJoCo",
             engine_version=metadata.version("mujoco"),
-            robot="Panda",
+            robot=self.robot,
             actions=ACTIONS,
             action_speed=tuple(ACTION_SPEED[name] for name in ACTIONS),
-            workspace=WORKSPACE,
+            workspace=self.workspace,
             max_opening=self._world.gap + 2 * FINGER_STROKE,
             control_dt=self.substeps * timestep,
             timestep=timestep,
@@ -67,8 +70,8 @@ class RobosuiteScene(Scene):
         self._part = self.substeps // self._parts  # substeps
         self._stride = np.array(self.spec.action_speed) * self._part * timestep
         self._layout: Layout | None = None
-        self._base_pose = np.zeros(3)
-        self._pad_forces = np.zeros(2)
+        self._memory = np.zeros(2)  # what the world does not hold
+        self._pad_forces = self._memory[:2]
 
     def reset(self, layout: Layout) -> None:
         """Put the world into `layout`, at rest.
@@ -80,6 +83,7 @@ class RobosuiteScene(Scene):
         self._enter(layout)
         world = self._world
         mujoco.mj_resetData(world.model, world.data)
+        world.place_base(layout.base_pose)
         finger = min(max((layout.gripper_opening - world.gap) / 2, 0.0), FINGER_STROKE)
         qpos = world.views.qpos
         qpos[world.robot.joints] = joints
@@ -104,6 +108,7 @@ class RobosuiteScene(Scene):
             w.data.contact.geom, w.classes, self._pad_forces, w.views.position, w.views.matrix, w.object_pose, x, flags
         )
         first, second = w.robot.fingers
+        base_pose, base_velocity = w.base_state()
         return Facts(
             eef_position=x[0:3],
             eef_quaternion=x[3:7],
@@ -111,8 +116,8 @@ class RobosuiteScene(Scene):
             holding=flags[3],
             object_position=x[7:10],
             object_quaternion=x[10:14],
-            base_pose=self._base_pose.copy(),
-            base_velocity=np.zeros(2),
+            base_pose=base_pose,
+            base_velocity=base_velocity,
             collision_base=flags[0],
             collision_arm=flags[1],
             collision_self=flags[2],
@@ -122,7 +127,7 @@ class RobosuiteScene(Scene):
         """Layout, the pad forces, the controller's memory and MuJoCo's integration state."""
         if self._layout is None:
             raise CausalbenchError("call reset() before snapshot()")
-        state: bytes = np.concatenate([self._pad_forces, self._world.save()]).astype("<f8").tobytes()
+        state: bytes = np.concatenate([self._memory, self._world.save()]).astype("<f8").tobytes()
         return self._codec.pack(self._layout, state)
 
     def restore(self, snapshot: bytes) -> None:
@@ -130,8 +135,8 @@ class RobosuiteScene(Scene):
         layout, packed = self._codec.unpack(snapshot)
         state = np.frombuffer(packed, "<f8").astype(np.float64)
         self._enter(layout)
-        self._world.load(state[2:])
-        self._pad_forces[:] = state[:2]
+        self._world.load(state[len(self._memory) :])
+        self._memory[:] = state[: len(self._memory)]
 
     def render(self, width: int, height: int, camera: str = "scene") -> NDArray[np.uint8]:
         """RGB image (height, width, 3), see `Scene.render`."""
@@ -152,10 +157,9 @@ class RobosuiteScene(Scene):
     def _enter(self, layout: Layout) -> None:
         """Give the world the base and the boxes of `layout`; another number of fixtures needs another model."""
         if len(layout.fixtures) != len(self._world.fixtures):
-            self._world = World(self.spec.timestep, len(layout.fixtures))
+            self._world = self.world_type(self.spec.timestep, len(layout.fixtures))
         self._world.furnish(layout.base_pose, layout.fixtures, layout.target, layout.target_mass)
         self._layout = layout
-        self._base_pose = np.array(layout.base_pose, dtype=np.float64)
 
     def _run(self, delta: Array, parts: int, substeps: int) -> None:
         """Run the controller, keep the forces of the last substep, then bring poses and contacts up to date."""

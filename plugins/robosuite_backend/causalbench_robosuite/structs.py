@@ -16,6 +16,7 @@ N_JOINTS = 7
 class Robot(NamedTuple):
     """Where the robot is in MuJoCo's arrays, and its constants."""
 
+    base: Indices  # x, y and yaw in qpos of a base that drives; empty for one that stands
     joints: Indices  # (7,) in qpos
     dofs: Indices  # (7,) in qvel
     motors: Indices  # (7,) in ctrl
@@ -66,7 +67,7 @@ class Reference(NamedTuple):
 
 
 class Base(NamedTuple):
-    """The robot base frame in the world."""
+    """The robot base frame in the world; of a base that drives, where it was when the control step last looked."""
 
     position: Array  # (3,) m
     rotation: Array  # (3, 3)
@@ -85,3 +86,4 @@ class Work(NamedTuple):
     pull: Array  # (7,)
     small: Array  # (3, 3)
     turn: Array  # (3, 3)
+    ride: Array  # (3, 3)

@@ -19,7 +19,7 @@ class World:
     """Model, data, the addresses in them and views of them that stay valid while the world lives."""
 
     def __init__(self, timestep: float, n_fixtures: int) -> None:
-        self.model = model = panda.build(timestep, n_fixtures)
+        self.model = model = self.build(timestep, n_fixtures)
         self.data = data = mujoco.MjData(model)
         self.classes = panda.geom_classes(model)
         self.chain = panda.arm_chain(model)
@@ -32,9 +32,15 @@ class World:
         self.gap = self._closed_gap()
         self.reference = structs.Reference(np.zeros(7), np.zeros(1), np.zeros(3), np.eye(3))
         self.base = structs.Base(np.zeros(3), np.eye(3))
+        self._base_pose = np.zeros(3)
         self._root = model.body(panda.ROOT).id
         self._state = np.empty(mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_INTEGRATION))
         self._sizes: bytes = b""
+
+    @staticmethod
+    def build(timestep: float, n_fixtures: int) -> mujoco.MjModel:
+        """The model, see `model.build`."""
+        return panda.build(timestep, n_fixtures)
 
     def _closed_gap(self) -> float:
         """Distance in metres between the inner faces of the finger pads at joint positions 0."""
@@ -60,16 +66,21 @@ class World:
             model.body_iquat[body] = [1.0, 0.0, 0.0, 0.0]
             model.body_inertia[body] = mass / 3 * np.array([y + z, x + z, x + y])
             model.body_mass[body] = mass
-            self._place_base(np.zeros(3))  # so that what is derived does not depend on where the base was before
+            self.place_base(np.zeros(3))  # so that what is derived does not depend on where the base was before
             mujoco.mj_setConst(model, self.data)  # what the solver derives from masses
             self._sizes = sizes
-        self._place_base(base_pose)
+        self.place_base(base_pose)
         for (body, geom), box in zip(self.fixtures, fixtures, strict=True):
             model.body_pos[body], model.body_quat[body] = box.position, box.quaternion
             self._resize(body, geom, box.half_extents)
 
-    def _place_base(self, base_pose: Array) -> None:
+    def base_state(self) -> tuple[Array, Array]:
+        """Pose (3,) and velocity (2,) of the base, see `Facts`; the caller's own."""
+        return self._base_pose.copy(), np.zeros(2)
+
+    def place_base(self, base_pose: Array) -> None:
         """Stand the mount at (x m, y m, yaw rad)."""
+        self._base_pose[:] = base_pose
         quaternion = rotations.from_axis_angle(2, base_pose[2])
         self.model.body_pos[self._root, :2] = self.base.position[:2] = base_pose[:2]
         self.model.body_quat[self._root] = quaternion
@@ -110,6 +121,7 @@ def robot_addresses(model: mujoco.MjModel) -> structs.Robot:
 
     finger_dofs, servos = gather("dofadr", panda.FINGER_JOINTS), actuators(panda.FINGER_SERVOS)
     return structs.Robot(
+        base=np.zeros(0, dtype=np.int64),
         joints=gather("qposadr", panda.ARM_JOINTS),
         dofs=gather("dofadr", panda.ARM_JOINTS),
         motors=actuators(panda.ARM_MOTORS),

@@ -60,6 +60,7 @@ def test_the_control_step_equals_stock_stepping(uncoupled: bool) -> None:
     law = structs.Law(*model.gains(), uncoupled, np.inf, np.inf, np.inf)
     reference = structs.Reference(np.array(arm.initial_joint), np.zeros(1), np.zeros(3), np.eye(3))
     origin = np.array(arm.origin_ori)
+    base = structs.Base(np.zeros(3), origin)  # stands
     gripper = np.array(robot.gripper["right"].current_action)[0]
     rng = np.random.default_rng(1)
     travelled = data.site_xpos[addresses.site].copy()
@@ -70,7 +71,9 @@ def test_the_control_step_equals_stock_stepping(uncoupled: bool) -> None:
         reference.position[:], reference.rotation[:] = new_goal(origin, action[:6] * arm.output_max, state)
         gripper = np.clip(gripper - 0.2 * np.sign(action[6]), -1.0, 1.0)
         reference.finger[0] = state.ctrl[addresses.servos[0]] = 0.02 + 0.02 * gripper
-        control.track(twin._address, data._address, 25, 0.002, addresses, law, reference, np.zeros(13), 0.0, state)
+        control.track(
+            twin._address, data._address, 25, 0.002, base, addresses, law, reference, np.zeros(13), 0.0, state
+        )  # fmt: skip
         mujoco.mj_step1(twin, data)
         assert np.abs(data.qpos - env.sim.data.qpos).max() < TOLERANCE, i
         assert np.abs(data.qvel - env.sim.data.qvel).max() < 100 * TOLERANCE, i

@@ -1,0 +1,214 @@
+"""Discoveries with oracle and samples, made once and read by every discovery benchmark.
+
+    python benchmarks/discoveries.py --backends kinematic gymrob robosuite pybullet --seeds 5 --out runs/discoveries
+
+Each is what `causalbench discover --backend B --oracle --seed S --out OUT/B-sS` writes; one that is there is kept, and
+one that was interrupted continues. What the benchmarks measure is kept likewise, a small file per measurement in their
+`--work` folder, from which the tables in docs/data are put together.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import torch
+
+from causalbench.core.discovery.calibration import calibrate
+from causalbench.core.discovery.collect import Samples, StageSamples
+from causalbench.core.discovery.collection import Collection, Recipe
+from causalbench.core.discovery.discoverers import DISCOVERERS, StageProblem
+from causalbench.core.discovery.graph import CausalGraph
+from causalbench.core.discovery.oracle import Grade, StageTruth
+from causalbench.core.discovery.score import Score, score_graph
+from causalbench.core.discovery.settings import DiscoverySettings
+from causalbench.core.scene import Scene
+from causalbench.core.tasks.pure_manipulation import TASK
+from causalbench.core.tasks.task import Task
+from causalbench.run.alone import discover_alone
+from causalbench.store.cells import DATA
+from causalbench.store.files import write_text
+from causalbench.store.samples import SampleFolder
+
+BACKENDS = ("kinematic", "gymrob", "robosuite", "pybullet")
+RUNS, DOCS = Path("runs/discoveries"), Path("docs/data")
+Row = dict[str, Any]
+
+
+def quiet(share: float, doing: str) -> None:
+    """No progress: one line a measurement is enough."""
+
+
+def folder(root: Path, backend: str, seed: int) -> Path:
+    """Where a discovery is; made if it is not there."""
+    path = root / f"{backend}-s{seed}"
+    if not (path / "oracle.csv").exists():
+        discover_alone(TASK.name, backend, DiscoverySettings(), seed, True, path, 1)
+    return path
+
+
+def read_graph(path: Path) -> CausalGraph:
+    """The graph in the folder of a discovery."""
+    return CausalGraph.from_json((path / "graph.json").read_text(encoding="utf-8"), path / "graph.json")
+
+
+def read_truth(path: Path) -> tuple[StageTruth, ...]:
+    """What the oracle said there."""
+    graph, table = read_graph(path), pd.read_csv(path / "oracle.csv")
+
+    def matrix(here: pd.DataFrame, stage: int, column: str) -> np.ndarray:
+        found = graph.stages[stage - 1]
+        return (
+            here.pivot(index="action", columns="reward", values=column).loc[[*found.actions], [*found.terms]].to_numpy()
+        )
+
+    return tuple(
+        StageTruth(
+            found.stage, found.actions, found.terms,
+            *(matrix(here, found.stage, name) for name in ("effect", "effect_low", "effect_high")),
+            matrix(here, found.stage, "floor")[0], bool(graph.oracle["exact_restore"]),
+        )
+        for found in graph.stages for here in [table[table["stage"] == found.stage]]
+    )  # fmt: skip
+
+
+def read_samples(path: Path) -> list[StageSamples]:
+    """The samples of every stage in the folder of a discovery by the default settings."""
+    store = SampleFolder(path / DATA)
+    origin, about = store.origin()
+    recipe = Recipe(TASK, DiscoverySettings(), about["seed"], origin, None, store)
+    return stages_of(recipe)
+
+
+def stages_of(recipe: Recipe) -> list[StageSamples]:
+    """The samples of every stage by `recipe`, from its store where it has them."""
+    collection = Collection(recipe, 1, lambda stage, share: None)
+    try:
+        return [collection.stage(stage) for stage in range(1, recipe.task.n_stages + 1)]
+    finally:
+        collection.close()
+
+
+@dataclass
+class Subset:
+    """The `StageProblem` of the first `training_count` samples of each set of one stage."""
+
+    task: Task
+    stage: int
+    settings: DiscoverySettings
+    seed: int
+    whole: StageSamples
+
+    def samples(self) -> StageSamples:
+        """Nested: what a smaller `training_count` holds, a larger one holds, too."""
+        count = self.settings.training_count
+        inference = self.whole.inference.first(round(self.settings.inference_fraction * count))
+        interventions = tuple(samples.first(count) for samples in self.whole.interventions)
+        extra = self.whole.extra and self.whole.extra.first(count)
+        return StageSamples(self.whole.random.first(count), inference, interventions, extra)
+
+    def scene(self) -> Scene:
+        """Samples are all there is."""
+        raise NotImplementedError
+
+    def keep(self, name: str, samples: Samples) -> None:
+        """Nothing is kept."""
+
+    def report(self, share: float, doing: str) -> None:
+        """No progress."""
+
+
+def decide(wholes: list[StageSamples], settings: DiscoverySettings, seed: int) -> CausalGraph:
+    """What `settings.discoverer` makes of the first samples of every stage."""
+    discoverer = DISCOVERERS[settings.discoverer]
+    problems: list[StageProblem] = [Subset(TASK, i, settings, seed, whole) for i, whole in enumerate(wholes, 1)]
+    stages = tuple(map(discoverer.discover_stage, problems))
+    return CausalGraph(TASK.name, TASK.version, "discovered", stages, provenance={"settings": vars(settings)})
+
+
+def by_fdr(graph: CausalGraph) -> CausalGraph:
+    """The same fit, its edges selected by the placebos' distribution."""
+    settings = {**graph.provenance["settings"], "select": "fdr"}
+    return calibrate(replace(graph, provenance={**graph.provenance, "settings": settings}))
+
+
+def judged(graph: CausalGraph, truth: tuple[StageTruth, ...]) -> Row:
+    """F1 on absent and strong edges of all stages and of stages 1 to 3, and every wrong edge by name."""
+    scores = score_graph(graph, truth)
+    total, early = sum(scores, Score(0, 0, 0)), sum(scores[:3], Score(0, 0, 0))
+    wrong: dict[str, list[str]] = {"missed": [], "false": []}
+    for found, stage in zip(graph.stages, truth, strict=True):
+        for k, row in enumerate(stage.grades()):
+            for j, grade in enumerate(row):
+                edge = f"{stage.stage}:{stage.actions[k]}>{stage.terms[j]}"
+                if grade == Grade.strong and not found.matrix[k, j]:
+                    wrong["missed"].append(edge)
+                if grade == Grade.absent and found.matrix[k, j]:
+                    wrong["false"].append(edge)
+    row = {"f1": total.f1, "f1_stages_1_3": early.f1, "precision": total.precision, "recall": total.recall}
+    return row | {"shd": total.shd} | {name: " ".join(edges) for name, edges in wrong.items()}
+
+
+@contextmanager
+def cpu_seconds(row: Row) -> Iterator[None]:
+    """Adds `cpu_seconds`, those of this process: other work on the machine does not count."""
+    torch.set_num_threads(1)
+    started = time.process_time()
+    yield
+    row["cpu_seconds"] = time.process_time() - started
+
+
+def measured(path: Path, measure: Callable[[], Iterable[Row]]) -> None:
+    """Write the rows of one measurement to `path`, unless they are there."""
+    if path.exists():
+        return
+    table = pd.DataFrame(list(measure()))
+    _write(path, table)
+    print(path if len(table) > 8 else table.to_string(index=False), flush=True)
+
+
+def put_together(work: Path, name: str, docs: Path) -> pd.DataFrame:
+    """All measurements in `work`, written to docs/NAME.csv; what stands there if there are none."""
+    files = sorted(work.glob("*.csv"))
+    if files:
+        _write(docs / f"{name}.csv", pd.concat([pd.read_csv(path) for path in files], ignore_index=True))
+    return pd.read_csv(docs / f"{name}.csv")
+
+
+def _write(path: Path, table: pd.DataFrame) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_text(path, table.to_csv(index=False, lineterminator="\n", float_format="%.6g"))
+
+
+def options(about: str | None, name: str, backends: tuple[str, ...], seeds: int) -> argparse.ArgumentParser:
+    """The options that all discovery benchmarks have."""
+    parser = argparse.ArgumentParser(description=about, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--backends", nargs="*", default=backends, help="none: only put the tables together")
+    parser.add_argument("--seeds", type=int, nargs="*", default=range(seeds))
+    parser.add_argument("--discoveries", type=Path, default=RUNS, help="folder that discoveries.py filled")
+    parser.add_argument("--work", type=Path, default=Path("runs") / name, help="where each measurement is kept")
+    parser.add_argument("--docs", type=Path, default=DOCS, help="where the table goes")
+    return parser
+
+
+def main() -> None:
+    """Run the discoveries that are missing."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--backends", nargs="+", default=BACKENDS)
+    parser.add_argument("--seeds", type=int, default=5)
+    parser.add_argument("--out", type=Path, default=RUNS)
+    args = parser.parse_args()
+    for backend in args.backends:
+        for seed in range(args.seeds):
+            print(folder(args.out, backend, seed), flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,28 @@
+"""A causalbench backend. Importing this imports no simulator: S36 of the contract."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from causalbench.hookspecs import Backend, hookimpl
+
+if TYPE_CHECKING:
+    from causalbench.core.scene import Scene
+
+ENGINE, ROBOT = "MuJoCo", "six-hinge arm"
+MODULES = ("mujoco",)
+CAPABILITIES = frozenset({"exact_restore", "physics"})
+
+
+def make() -> Scene:
+    """A new scene."""
+    from causalbench_hinge_arm.scene import HingeArmScene
+
+    return HingeArmScene()
+
+
+@hookimpl
+def causalbench_backends(register: Callable[[Backend], None]) -> None:
+    """Register the backend."""
+    register(Backend("hinge_arm", make, ENGINE, ROBOT, MODULES, CAPABILITIES))
