@@ -2,7 +2,8 @@
 
 The learners read only `stage` and the reward vector, so a task of one stage and one term is the plain algorithm, and
 its learning curve must be SB3's within seeds. Same networks, settings, budget and evaluation episodes. Printed as the
-mean over seeds with a 95% Student interval; the curves agree where the interval of the difference holds 0.
+mean over seeds with a 95% Student interval, look by look and for the mean of all looks; the curves agree where the
+interval of the difference holds 0. Runs that `--out` already holds are not repeated.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
+import matplotlib.pyplot as plt
 import numpy as np
 import torch
 from scipy.stats import t as student
@@ -42,8 +44,8 @@ SETTINGS: dict[str, LearnerSettings] = {
         n_steps=1024, learning_rate=1e-3, gamma=0.9, gae_lambda=0.95, log_std_init=0.0, target_kl=1e9, n_envs=4
     ),
 }  # fmt: skip
-BUDGET = {"SAC": 6_000, "PPO": 60_000}
-LOOKS = 6
+BUDGET = {"SAC": 6_000, "PPO": 100_000}
+LOOKS = 10
 
 
 @dataclass(frozen=True)
@@ -157,35 +159,73 @@ def interval(values: list[float]) -> float:
     return float(student.ppf(0.975, len(values) - 1)) * statistics.stdev(values) / len(values) ** 0.5
 
 
+def report(name: str, curves: dict[str, dict[int, list[float]]]) -> None:
+    """Print the means of both sides and of their differences, look by look and over all looks."""
+    columns = [(f"{(i + 1) * BUDGET[name] // LOOKS:6d}", slice(i, i + 1)) for i in range(LOOKS)]
+    print(f"steps   m{name}          SB3 {name}       difference")
+    for label, looks in [*columns, ("  mean", slice(None))]:
+        a, b = ([statistics.mean(run[looks]) for run in runs.values()] for runs in curves.values())
+        gap = [x - y for x, y in zip(a, b, strict=True)]
+        cells = [f"{statistics.mean(values):6.0f} +- {interval(values):4.0f}" for values in (a, b, gap)]
+        print("  ".join([label, *cells]))
+
+
+def draw(curves: dict[str, dict[str, dict[int, list[float]]]], path: Path) -> None:
+    """Both sides' mean curves with their 95% intervals, one panel a learner."""
+    figure, axes = plt.subplots(1, len(curves), figsize=(4.5 * len(curves), 3.2), squeeze=False)
+    for axis, (name, sides) in zip(axes[0], curves.items(), strict=True):
+        steps = [(i + 1) * BUDGET[name] // LOOKS for i in range(LOOKS)]
+        for who, runs in sides.items():
+            looks = [list(values) for values in zip(*runs.values(), strict=True)]
+            means, widths = [statistics.mean(v) for v in looks], [interval(v) for v in looks]
+            (line,) = axis.plot(steps, means, label=f"{who}, {len(runs)} seeds")
+            low, high = ([m + sign * w for m, w in zip(means, widths, strict=True)] for sign in (-1, 1))
+            axis.fill_between(steps, low, high, alpha=0.2, color=line.get_color())
+        axis.set(xlabel="env steps", ylabel="mean return", title="Pendulum-v1")
+        axis.legend()
+    figure.tight_layout()
+    figure.savefig(path, dpi=120, metadata={"Software": None})
+
+
 def main() -> None:
     """Train both sides for every seed, print the curves, and write every score with `--out`."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--learner", choices=["SAC", "PPO"], action="append")
-    parser.add_argument("--out", type=Path)
+    parser.add_argument("--out", type=Path, help="CSV of every score")
+    parser.add_argument("--figure", type=Path, help="PNG of the curves")
     arguments = parser.parse_args()
     torch.set_num_threads(1)
-    rows = []
+    held: dict[tuple[str, int], list[float]] = {}
+    if arguments.out and arguments.out.exists():
+        with arguments.out.open(newline="") as file:
+            for row in csv.DictReader(file):
+                held.setdefault((row["learner"], int(row["seed"])), []).append(float(row["mean_return"]))
+    curves: dict[str, dict[str, dict[int, list[float]]]] = {}
     for name in arguments.learner or ["SAC", "PPO"]:
-        curves: dict[str, list[list[float]]] = {f"m{name}": [], f"SB3 {name}": []}
+        sides: dict[str, Callable[[str, int], list[float]]] = {f"m{name}": ours, f"SB3 {name}": stock}
+        curves[name] = {who: {} for who in sides}
         for seed in range(arguments.seeds):
-            curves[f"m{name}"].append(ours(name, seed))
-            curves[f"SB3 {name}"].append(stock(name, seed))
-            for who, runs in curves.items():
-                print(f"{who} seed {seed}: {' '.join(f'{x:.0f}' for x in runs[-1])}", flush=True)
-                rows += [(who, seed, (i + 1) * BUDGET[name] // LOOKS, x) for i, x in enumerate(runs[-1])]
-        print(f"steps   m{name}          SB3 {name}       difference")
-        for i in range(LOOKS):
-            (a, b) = ([run[i] for run in runs] for runs in curves.values())
-            gap = [x - y for x, y in zip(a, b, strict=True)]
-            print(
-                f"{(i + 1) * BUDGET[name] // LOOKS:6d}  "
-                f"{statistics.mean(a):6.0f} +- {interval(a):4.0f}  {statistics.mean(b):6.0f} +- {interval(b):4.0f}  "
-                f"{statistics.mean(gap):6.0f} +- {interval(gap):4.0f}"
-            )
-    if arguments.out:
-        with arguments.out.open("w", newline="") as file:
-            csv.writer(file, lineterminator="\n").writerows([("learner", "seed", "env_steps", "mean_return"), *rows])
+            for who, run in sides.items():
+                if (who, seed) not in held:
+                    held[who, seed] = run(name, seed)
+                    print(f"{who} seed {seed}: {' '.join(f'{x:.0f}' for x in held[who, seed])}", flush=True)
+                    if arguments.out:
+                        write(held, arguments.out)
+                curves[name][who][seed] = held[who, seed]
+        report(name, curves[name])
+    if arguments.figure:
+        draw(curves, arguments.figure)
+
+
+def write(held: dict[tuple[str, int], list[float]], path: Path) -> None:
+    """Every score, one row a look."""
+    with path.open("w", newline="") as file:
+        rows = csv.writer(file, lineterminator="\n")
+        rows.writerow(("learner", "seed", "env_steps", "mean_return"))
+        for (who, seed), scores in sorted(held.items()):
+            budget = BUDGET[who.removeprefix("SB3 ").removeprefix("m")]
+            rows.writerows((who, seed, (i + 1) * budget // LOOKS, f"{x:.3f}") for i, x in enumerate(scores))
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ from timing import seconds_per_update
 
 from causalbench.core.discovery.graph import manual_graph
 from causalbench.core.learners.causal_gradient import stage_plan
-from causalbench.core.learners.gaussian_networks import gaussian_actor_forward, gaussian_log_prob
+from causalbench.core.learners.gaussian_networks import gaussian_log_prob
 from causalbench.core.learners.methods import METHODS
 from causalbench.core.learners.ppo_agent import PPOAgent, Samples
 from causalbench.core.learners.settings import PPOSettings
@@ -65,8 +65,7 @@ def ours(name: str, stage: int, net_arch: tuple[int, ...], batch_size: int, pass
     obs, actions, advantages, returns = (
         torch.randn(SAMPLES, n, generator=generator) for n in (N_OBS, n_actions, n_critics, n_critics)
     )
-    with torch.no_grad():
-        log_prob = gaussian_log_prob(*gaussian_actor_forward(agent.actor, obs), actions)
+    log_prob = gaussian_log_prob(agent.mean.forward(obs)[-1][0], agent.log_std, actions)
     samples = Samples(obs, actions, log_prob, advantages, returns)
 
     def train() -> None:

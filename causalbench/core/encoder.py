@@ -107,6 +107,10 @@ class Encoder:
         sample = torch.zeros(1, self.sensor.size)
         return self.encode(self.initial_weights(torch.Generator()), sample).shape[-1]
 
+    def n_seen(self, n_inputs: int) -> int:
+        """How many numbers take the place of `n_inputs`."""
+        return n_inputs - self.n_sensed + self.n_features
+
     @property
     def _convolutions(self) -> list[Conv]:
         return [layer for layer in self.sensor.layers if isinstance(layer, Conv)] if self.sensor else []

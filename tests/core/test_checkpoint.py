@@ -148,7 +148,7 @@ class _Newer(KinematicScene):
         (lambda path, data: save_file({"a": np.zeros(1)}, path), "not a checkpoint of causalbench, or damaged"),
         (
             lambda path, data: save_file({}, path, {"causalbench": json.dumps({"schema": 0, "identity": {}})}),
-            "checkpoint schema 0, expected 1",
+            "checkpoint schema 0, expected 2",
         ),
     ],
     ids=["torn", "pickle", "empty", "another program's", "older"],

@@ -33,8 +33,7 @@ def _plan(mask) -> StagePlan:
 def _agent(mask, settings=SMALL, seed=3) -> PPOAgent:
     """With a policy that depends on the state: the initial one hardly does."""
     agent = PPOAgent(_plan(mask), N_OBS, settings, seed)
-    with torch.no_grad():
-        agent.actor[-3] *= 50
+    agent.mean.weights[-2].mul_(50)
     return agent
 
 
@@ -42,10 +41,9 @@ def _samples(agent: PPOAgent, seed: int = 0) -> Samples:
     g = torch.Generator().manual_seed(seed)
     n_critics = len(agent.mask)
     obs = torch.randn(N, N_OBS, generator=g)
-    with torch.no_grad():
-        mean, log_std = gaussian_actor_forward(agent.actor, obs)
-        actions = mean + log_std.exp() * torch.randn(mean.shape, generator=g)
-        log_prob = gaussian_log_prob(mean, log_std, actions)
+    mean, log_std = gaussian_actor_forward(agent.policy_weights, obs)
+    actions = mean + log_std.exp() * torch.randn(mean.shape, generator=g)
+    log_prob = gaussian_log_prob(mean, log_std, actions)
     return Samples(
         obs,
         actions,
@@ -70,7 +68,7 @@ def _sb3_layers(model: PPO) -> list[torch.nn.Linear]:
 
 
 def _our_layers(agent: PPOAgent) -> list[tuple[torch.Tensor, torch.Tensor]]:
-    weights = [*agent.actor[:-1], *agent.values]
+    weights = [w[0] for w in (*agent.mean.weights, *agent.values.weights)]
     return list(zip(weights[::2], weights[1::2], strict=True))
 
 
@@ -89,7 +87,7 @@ def _sb3_like(agent: PPOAgent, samples: Samples, **changes) -> PPO:
         for layer, (kernel, bias) in zip(_sb3_layers(model), _our_layers(agent), strict=True):
             layer.weight.copy_(kernel.T)
             layer.bias.copy_(bias)
-        model.policy.log_std.copy_(agent.actor[-1])
+        model.policy.log_std.copy_(agent.log_std)
     buffer = model.rollout_buffer
     buffer.observations[:, 0], buffer.actions[:, 0] = samples.obs, samples.actions
     buffer.log_probs[:, 0] = samples.log_prob.sum(1)
@@ -102,7 +100,7 @@ def _assert_same_weights(agent: PPOAgent, model: PPO) -> None:
     for layer, (kernel, bias) in zip(_sb3_layers(model), _our_layers(agent), strict=True):
         torch.testing.assert_close(kernel, layer.weight.T, atol=1e-5, rtol=1e-5)
         torch.testing.assert_close(bias, layer.bias, atol=1e-5, rtol=1e-5)
-    torch.testing.assert_close(agent.actor[-1], model.policy.log_std, atol=1e-5, rtol=1e-5)
+    torch.testing.assert_close(agent.log_std, model.policy.log_std, atol=1e-5, rtol=1e-5)
 
 
 @pytest.mark.parametrize("target_kl", [1e9, 2e-3], ids=["all passes", "stopped by KL"])
@@ -177,8 +175,8 @@ def test_an_agents_own_episode_is_the_stretch_inside_its_stage():
     )  # fmt: skip
     agent.collect(steps, stage=1)
     gamma, lam = agent.settings.gamma, agent.settings.gae_lambda
-    with torch.no_grad():
-        values, reached = (tanh_mlp(agent.values, obs[:, 0]) for obs in (steps.obs, steps.next_obs))
+    weights = [w[0] for w in agent.values.weights]
+    values, reached = (tanh_mlp(weights, obs[:, 0]) for obs in (steps.obs, steps.next_obs))
     expected = []
     for stretch, ends in (((0, 1), True), ((4, 5), False), ((6, 7), True), ((9,), False)):
         for start in stretch:
@@ -193,22 +191,27 @@ def test_an_agents_own_episode_is_the_stretch_inside_its_stage():
     torch.testing.assert_close(agent.samples.actions, steps.actions[own, 0])
 
 
+@pytest.fixture
+def double_precision():
+    torch.set_default_dtype(torch.float64)
+    yield
+    torch.set_default_dtype(torch.float32)
+
+
+@pytest.mark.usefixtures("double_precision")
 def test_factored_gradient_equals_finite_differences_of_the_masked_objective():
     """Central differences in float64 of sum_k E[min(r_k A_k, clip(r_k) A_k)], A_k from the terms that k causes."""
-    agent = _agent(MATRIX)
-    samples = Samples(*(x.double() for x in _samples(agent)))
-    for i, w in enumerate(agent.actor):
-        agent.actor[i] = w.detach().double().requires_grad_()
-    agent.mask = agent.mask.double()
-    samples = samples._replace(log_prob=samples.log_prob + 0.3 * torch.sin(torch.arange(3 * N).double()).view(N, 3))
+    agent = _agent(MATRIX, dataclasses.replace(SMALL, ent_coef=0.0))
+    samples = _samples(agent)
+    samples = samples._replace(log_prob=samples.log_prob + 0.3 * torch.sin(torch.arange(3.0 * N)).view(N, 3))
 
-    def ratios() -> torch.Tensor:
-        mean, log_std = gaussian_actor_forward(agent.actor, samples.obs)
+    def log_ratio() -> torch.Tensor:
+        mean, log_std = gaussian_actor_forward(agent.policy_weights, samples.obs)
         return gaussian_log_prob(mean, log_std, samples.actions) - samples.log_prob
 
     def objective() -> float:
         """Written out anew, action by action and sample by sample."""
-        ratio = ratios().exp().detach().numpy()
+        ratio = log_ratio().exp().numpy()
         wanted = np.array([[sum(a[j] for j in range(3) if MATRIX[k][j]) for k in range(3)] for a in advantages])
         deviations = wanted.std(0, ddof=1)
         total = 0.0
@@ -220,26 +223,54 @@ def test_factored_gradient_equals_finite_differences_of_the_masked_objective():
         return total
 
     advantages = samples.advantages.numpy()
-    weights = agent.actor[-3:]  # of the last layer, its bias, and the log std
-    gradients = torch.autograd.grad(-agent.policy_loss(ratios(), samples.advantages), weights)
+    loss = agent.policy_gradient(samples, agent.mean.forward(samples.obs), log_ratio())
+    assert loss.item() == pytest.approx(-objective())
     step = 1e-6
-    for w, gradient in zip(weights, gradients, strict=True):
-        flat = w.detach().view(-1)
-        for i in range(0, flat.numel(), 7 if flat.numel() > 7 else 1):
+    for w, gradient in zip(agent.weights[:2], (agent.mean.flat.grad, agent.log_std.grad), strict=True):
+        for i in range(0, w.numel(), 17 if w.numel() > 17 else 1):
             numeric = 0.0
             for sign in (1, -1):
-                flat[i] += sign * step
-                numeric += sign * objective() / (2 * step)
-                flat[i] -= sign * step
-            assert gradient.view(-1)[i].item() == pytest.approx(numeric, rel=1e-4, abs=1e-6)
+                w[i] += sign * step
+                numeric -= sign * objective() / (2 * step)
+                w[i] -= sign * step
+            assert gradient[i].item() == pytest.approx(numeric, rel=1e-4, abs=1e-6)
+
+
+@pytest.mark.usefixtures("double_precision")
+def test_written_out_gradients_are_autograds():
+    """Of both networks and the log std, entropy included, against the same losses recorded by autograd."""
+    agent = _agent(MATRIX)
+    samples = _samples(agent)
+    samples = samples._replace(log_prob=samples.log_prob + 0.3 * torch.sin(torch.arange(3.0 * N)).view(N, 3))
+    layers = agent.mean.forward(samples.obs)
+    log_ratio = gaussian_log_prob(layers[-1][0], agent.log_std, samples.actions) - samples.log_prob
+    losses = agent.policy_gradient(samples, layers, log_ratio), agent.value_gradient(samples)
+    actor = [w.clone().requires_grad_() for w in agent.policy_weights]
+    critic = [w[0].clone().requires_grad_() for w in agent.values.weights]
+    mean, log_std = gaussian_actor_forward(actor, samples.obs)
+    ratio = (gaussian_log_prob(mean, log_std, samples.actions) - samples.log_prob).exp()
+    assert ((ratio < 0.8) | (ratio > 1.2)).any()
+    per_action = agent.normalise(samples.advantages @ agent.mask)
+    policy_loss = -torch.min(per_action * ratio, per_action * ratio.clamp(0.8, 1.2)).sum(1).mean()
+    value_loss = (tanh_mlp(critic, samples.obs) - samples.returns).pow(2).mean(0).sum()
+    for ours, theirs in zip(losses, (policy_loss, value_loss), strict=True):
+        torch.testing.assert_close(ours, theirs.detach())
+    loss = policy_loss - SMALL.ent_coef * torch.distributions.Normal(0, log_std.exp()).entropy().sum()
+    gradients = [*(w[0] for w in agent.mean.gradients), agent.log_std.grad]
+    for ours, theirs in zip(gradients, torch.autograd.grad(loss, actor), strict=True):
+        torch.testing.assert_close(ours, theirs, atol=1e-9, rtol=1e-6)
+    gradients = [w[0] for w in agent.values.gradients]
+    for ours, theirs in zip(gradients, torch.autograd.grad(SMALL.vf_coef * value_loss, critic), strict=True):
+        torch.testing.assert_close(ours, theirs, atol=1e-9, rtol=1e-6)
 
 
 def test_an_action_that_causes_nothing_gets_no_gradient():
     agent = _agent([[1], [0], [1]])
-    log_ratio = torch.zeros(N, 3, requires_grad=True)
-    gradient = torch.autograd.grad(agent.policy_loss(log_ratio, _samples(agent).advantages), log_ratio)[0]
-    assert (gradient[:, 1] == 0).all()
-    assert (gradient[:, [0, 2]] != 0).any(0).all()
+    samples = _samples(agent)
+    agent.policy_gradient(samples, agent.mean.forward(samples.obs), torch.zeros(N, 3))
+    by_action = agent.mean.gradients[-1][0]
+    assert by_action[1] == 0
+    assert (by_action[[0, 2]] != 0).all()
 
 
 def test_the_normaliser_has_a_floor():
@@ -254,15 +285,14 @@ def test_the_normaliser_has_a_floor():
 def test_permuting_reward_terms_changes_nothing():
     order = [2, 0, 1]
     one, two = _agent(MATRIX), _agent(np.array(MATRIX)[:, order])
-    with torch.no_grad():
-        for w in two.values[-2:]:
-            w.copy_(w[..., order].clone())
+    for w in two.values.weights[-2:]:
+        w.copy_(w[..., order].clone())
     samples = _samples(one)
     one.samples = samples
     two.samples = samples._replace(advantages=samples.advantages[:, order], returns=samples.returns[:, order])
     one.train()
     two.train()
-    for w, v in zip(one.actor, two.actor, strict=True):
+    for w, v in zip(one.policy_weights, two.policy_weights, strict=True):
         torch.testing.assert_close(w, v, atol=1e-6, rtol=1e-6)
 
 

@@ -13,6 +13,7 @@ from stable_baselines3.common.type_aliases import ReplayBufferSamples
 from causalbench.core.discovery.graph import manual_graph
 from causalbench.core.learners.causal_gradient import StagePlan, stage_plan, training_matrix
 from causalbench.core.learners.methods import METHODS, PAPER
+from causalbench.core.learners.networks import LOG_STD_MAX, actor_forward, squashed_sample
 from causalbench.core.learners.replay import Batch, StageBuffer
 from causalbench.core.learners.sac_agent import SACAgent
 from causalbench.core.learners.settings import PRESETS, SACSettings
@@ -67,13 +68,14 @@ def _sb3_with_weights_of(agent: SACAgent, gradient_descent: bool) -> SAC:
     model.set_logger(configure(None, []))
     with torch.no_grad():
         layers = _linears(model.actor.latent_pi)
-        for layer, w, b in zip(layers, agent.actor[:-2:2], agent.actor[1:-2:2], strict=True):
+        actor = agent.policy_weights
+        for layer, w, b in zip(layers, actor[:-2:2], actor[1:-2:2], strict=True):
             layer.weight.copy_(w.T)
             layer.bias.copy_(b)
         for head, columns in ((model.actor.mu, slice(0, N_ACTIONS)), (model.actor.log_std, slice(N_ACTIONS, None))):
-            head.weight.copy_(agent.actor[-2][:, columns].T)
-            head.bias.copy_(agent.actor[-1][columns])
-        for networks, weights in ((model.critic, agent.critics), (model.critic_target, agent.targets)):
+            head.weight.copy_(actor[-2][:, columns].T)
+            head.bias.copy_(actor[-1][columns])
+        for networks, weights in ((model.critic, agent.critics.weights), (model.critic_target, agent.targets.weights)):
             for twin, network in enumerate((networks.qf0, networks.qf1)):
                 for layer, w, b in zip(_linears(network), weights[::2], weights[1::2], strict=True):
                     layer.weight.copy_(w[twin].T)
@@ -96,12 +98,12 @@ def _sb3_weights(model: SAC) -> tuple[list[torch.Tensor], list[torch.Tensor], li
 
 @pytest.fixture
 def same_noise(monkeypatch):
-    """Both learners draw the same noise: first for the actions at s, then for those at s'."""
+    """Both learners draw the same noise: first for the actions at s, then for those at s'; ours in one go."""
     noise = [torch.randn(BATCH, N_ACTIONS, generator=torch.Generator().manual_seed(s)) for s in (11, 12)]
 
     def start(agent: SACAgent) -> None:
-        ours, theirs = iter(noise * 3), iter(noise * 3)
-        monkeypatch.setattr(agent, "_noise", lambda shape: next(ours))
+        theirs = iter(noise * 3)
+        monkeypatch.setattr(agent, "_noise", lambda shape: torch.cat(noise))
         monkeypatch.setattr(torch.distributions.normal, "_standard_normal", lambda *a, **k: next(theirs))
 
     return start
@@ -113,9 +115,8 @@ def test_one_critic_and_an_all_ones_matrix_is_sb3s_sac(gradient_descent, same_no
     agent = SACAgent(_plan(np.ones((N_ACTIONS, 1))), N_OBS, SMALL, seed=3)
     model = _sb3_with_weights_of(agent, gradient_descent)
     if gradient_descent:
-        agent.actor_optimizer = torch.optim.SGD(agent.actor, 1.0)
-        agent.critic_optimizer = torch.optim.SGD(agent.critics, 1.0)
-        agent.alpha_optimizer = torch.optim.SGD([agent.log_alpha], 1.0)
+        agent.actor_optimizer = torch.optim.SGD([agent.actor.flat, agent.log_alpha], 1.0)
+        agent.critic_optimizer = torch.optim.SGD([agent.critics.flat], 1.0)
         model.ent_coef_optimizer = torch.optim.SGD([model.log_ent_coef], 1.0)
     batch = _batch(1)
     samples = ReplayBufferSamples(batch.obs, batch.actions, batch.next_obs, batch.done[:, None], batch.rewards)
@@ -127,53 +128,119 @@ def test_one_critic_and_an_all_ones_matrix_is_sb3s_sac(gradient_descent, same_no
         monkeypatch.setattr(model, "_update_learning_rate", lambda optimizers: None)
     agent.train(1)
     model.train(gradient_steps=1, batch_size=BATCH)
-    for ours, theirs in zip((agent.actor, agent.critics, agent.targets), _sb3_weights(model), strict=True):
+    trained = (agent.policy_weights, agent.critics.weights, agent.targets.weights)
+    for ours, theirs in zip(trained, _sb3_weights(model), strict=True):
         for w, expected in zip(ours, theirs, strict=True):
-            torch.testing.assert_close(w.detach(), expected.detach(), atol=1e-5, rtol=1e-5)
-    torch.testing.assert_close(agent.log_alpha.detach(), model.log_ent_coef.detach(), atol=1e-5, rtol=1e-5)
+            torch.testing.assert_close(w, expected.detach(), atol=1e-5, rtol=1e-5)
+    torch.testing.assert_close(agent.log_alpha, model.log_ent_coef.detach(), atol=1e-5, rtol=1e-5)
 
 
-@pytest.mark.parametrize("joint_twin", [False, True], ids=["rows", "terms"])
-def test_factored_gradient_equals_finite_differences_of_the_masked_objective(joint_twin):
+@pytest.fixture
+def double_precision():
+    torch.set_default_dtype(torch.float64)
+    yield
+    torch.set_default_dtype(torch.float32)
+
+
+def _critics(agent: SACAgent, obs: torch.Tensor, action: torch.Tensor) -> torch.Tensor:
+    """(2, n_critics, batch) of both twins, net by net."""
+    x = torch.cat([obs, action], 1)
+    outputs = []
+    for w1, b1, w2, b2, w3, b3 in zip(*agent.critics.weights, strict=True):
+        outputs.append((torch.relu(torch.relu(x @ w1 + b1) @ w2 + b2) @ w3 + b3).T)
+    return torch.cat(outputs).view(2, -1, len(obs))
+
+
+MASK = [[1, 0, 1], [0, 1, 1], [1, 1, 0]]
+FORMS = pytest.mark.parametrize(
+    ("critics", "joint_twin"), [("rows", False), ("heads", False), ("terms", True)], ids=["rows", "heads", "terms"]
+)
+
+
+@FORMS
+@pytest.mark.usefixtures("double_precision")
+def test_factored_gradient_equals_finite_differences_of_the_masked_objective(critics, joint_twin):
     """Gradient of sum_c Q_c(s, a with the dimensions that do not cause c frozen) by central differences in float64."""
-    mask = [[1, 0, 1], [0, 1, 1], [1, 1, 0]]
-    agent = SACAgent(_plan(mask, joint_twin, entropy=[False, False, True]), N_OBS, SMALL, seed=1)
-    for weights in (agent.actor, agent.critics):
-        for i, w in enumerate(weights):
-            weights[i] = w.detach().double().requires_grad_()
-    agent.mask = agent.mask.double()
-    obs = _batch(3).obs.double()
-    frozen = torch.rand(BATCH, N_ACTIONS, generator=torch.Generator().manual_seed(4)).double() * 2 - 1
-    matrix = torch.tensor(mask).double()
+    plan = _plan(MASK, joint_twin, entropy=[False, False, True])
+    agent = SACAgent(plan, N_OBS, dataclasses.replace(SMALL, critics=critics), seed=1)
+    obs = _batch(3).obs
+    frozen = torch.rand(BATCH, N_ACTIONS, generator=torch.Generator().manual_seed(4)) * 2 - 1
+    matrix = torch.tensor(MASK)
 
     def objective(action):
         """Written out anew, loop by loop: what the causal policy gradient maximises."""
-        from causalbench.core.learners.networks import critics_forward
-
-        twins = torch.zeros(2, 3, BATCH, dtype=torch.float64)
+        twins = torch.zeros(2, 3, BATCH)
         for c in range(3):
-            seen = torch.where(matrix[:, c].bool(), action, frozen)
-            q = critics_forward(agent.critics, torch.cat([obs, seen], 1))
-            twins[0, c], twins[1, c] = q[c], q[3 + c]
+            twins[:, c] = _critics(agent, obs, torch.where(matrix[:, c].bool(), action, frozen))[:, c]
         if joint_twin:
             return torch.minimum(twins[0].sum(0), twins[1].sum(0))
         return torch.minimum(twins[0], twins[1]).sum(0)
 
-    action = frozen.clone().requires_grad_()
-    gradient = torch.autograd.grad(agent.masked_value(obs, action).sum(), action)[0]
+    value, gradient = agent.masked_value(obs, frozen)
+    torch.testing.assert_close(value, objective(frozen))
     step = 1e-6
-    with torch.no_grad():
-        for k in range(N_ACTIONS):
-            bump = torch.zeros(N_ACTIONS, dtype=torch.float64)
-            bump[k] = step
-            numeric = (objective(frozen + bump) - objective(frozen - bump)) / (2 * step)
-            torch.testing.assert_close(gradient[:, k], numeric, atol=1e-6, rtol=1e-5)
+    for k in range(N_ACTIONS):
+        bump = torch.zeros(N_ACTIONS)
+        bump[k] = step
+        numeric = (objective(frozen + bump) - objective(frozen - bump)) / (2 * step)
+        torch.testing.assert_close(gradient[:, k], numeric, atol=1e-6, rtol=1e-5)
+
+
+@FORMS
+@pytest.mark.usefixtures("double_precision")
+def test_written_out_gradients_are_autograds(critics, joint_twin):
+    """All three losses, with a log std outside its bounds too, against the same losses recorded by autograd."""
+    plan = _plan(MASK, joint_twin, entropy=[False, True, True])
+    agent = SACAgent(plan, N_OBS, dataclasses.replace(SMALL, critics=critics), seed=1)
+    batch, noise = _batch(3), torch.randn(2 * BATCH, N_ACTIONS, generator=torch.Generator().manual_seed(5))
+    log_std = agent.actor.forward(batch.obs)[-1][0, :, -1]
+    agent.actor.weights[-1][0, -1] += LOG_STD_MAX - log_std.median()  # half of them beyond it
+    agent._noise = lambda shape: noise
+    alpha = torch.tensor([0.3])
+    drawn = agent.draw(torch.cat([batch.obs, batch.next_obs]))
+    now, following = drawn.rows(slice(BATCH)), drawn.rows(slice(BATCH, None))
+    critic_loss = agent.critic_gradient(batch, following, alpha)
+    actor_loss = agent.actor_gradient(batch.obs, now, alpha)
+    agent.alpha_gradient(now.log_prob)
+
+    with torch.enable_grad():
+        actor = [w.clone().requires_grad_() for w in agent.policy_weights]
+        critics_weights = [w.clone().requires_grad_() for w in agent.critics.weights]
+        mean, log_std = actor_forward(actor, batch.obs)
+        assert 0 < (log_std[:, -1] == LOG_STD_MAX).sum() < BATCH
+        action, log_prob = squashed_sample(mean, log_std, noise[:BATCH])
+        mask = agent.mask.bool()
+
+        def lesser(twins):
+            if not joint_twin:
+                return twins.amin(0)
+            return torch.where(twins[0].sum(0) <= twins[1].sum(0), twins[0], twins[1])
+
+        q = torch.stack(
+            [_critics(agent, batch.obs, torch.where(m, action, action.detach()))[:, c] for c, m in enumerate(mask)], 1
+        )
+        expected = (0.3 * log_prob - lesser(q).sum(0)).mean()
+        torch.testing.assert_close(actor_loss, expected.detach())
+        for ours, theirs in zip(agent.actor.gradients, torch.autograd.grad(expected, actor), strict=True):
+            torch.testing.assert_close(ours[0], theirs, atol=1e-9, rtol=1e-6)
+
+        next_q = lesser(_critics(agent, batch.next_obs, following.action))  # the targets are still the critics
+        soft = next_q - agent.entropy * (0.3 * following.log_prob)
+        target = batch.rewards.T + 0.99 * (1 - batch.done) * soft
+        agent.critics.weights = critics_weights
+        expected = 0.5 * (_critics(agent, batch.obs, batch.actions) - target).pow(2).mean(-1).sum()
+        torch.testing.assert_close(critic_loss, expected.detach())
+        for ours, theirs in zip(agent.critics.gradients, torch.autograd.grad(expected, critics_weights), strict=True):
+            torch.testing.assert_close(ours, theirs, atol=1e-9, rtol=1e-6)
+
+        log_alpha = agent.log_alpha.clone().requires_grad_()
+        expected = -(log_alpha * (log_prob.detach() - N_ACTIONS)).mean()
+        torch.testing.assert_close(agent.log_alpha.grad, torch.autograd.grad(expected, log_alpha)[0])
 
 
 def test_an_action_that_causes_nothing_gets_no_gradient():
     agent = SACAgent(_plan([[1], [0], [1]]), N_OBS, SMALL, seed=1)
-    action = torch.zeros(BATCH, N_ACTIONS, requires_grad=True)
-    gradient = torch.autograd.grad(agent.masked_value(_batch(1).obs, action).sum(), action)[0]
+    gradient = agent.masked_value(_batch(1).obs, torch.zeros(BATCH, N_ACTIONS))[1]
     assert (gradient[:, 1] == 0).all()
     assert (gradient[:, [0, 2]] != 0).any(0).all()
 
@@ -185,38 +252,40 @@ def test_permuting_reward_terms_changes_nothing():
     one = SACAgent(_plan(mask), N_OBS, SMALL, seed=1)
     two = SACAgent(_plan(mask[:, order]), N_OBS, SMALL, seed=1)
     rows = torch.tensor([*order, *(3 + i for i in order)])
-    with torch.no_grad():
-        for weights in (two.critics, two.targets):
-            for w in weights:
-                w.copy_(w[rows].clone())
+    for networks in (two.critics, two.targets):
+        for w in networks.weights:
+            w.copy_(w[rows].clone())
     batch = _batch(3)
     one.buffer.sample = lambda *a: batch
     two.buffer.sample = lambda *a: batch._replace(rewards=batch.rewards[:, order])
     one.train(5)
     two.train(5)
-    for w, v in zip(one.actor, two.actor, strict=True):
+    for w, v in zip(one.actor.weights, two.actor.weights, strict=True):
         torch.testing.assert_close(w, v, atol=1e-6, rtol=1e-6)
 
 
 def test_cooperation_mixes_the_next_stages_critic():
+    """The gradient at the outputs of a policy without temperature, and the loss."""
     settings = dataclasses.replace(SMALL, cooperation_weight=0.3)
     agent, following = (SACAgent(_plan(np.ones((N_ACTIONS, 1))), N_OBS, settings, seed=s) for s in (1, 2))
-    obs = _batch(1).obs
-    action = torch.zeros(BATCH, N_ACTIONS)
-    alpha, log_prob = torch.tensor([0.0]), torch.zeros(BATCH)
-    own, other = agent.masked_value(obs, action), following.masked_value(obs, action)
+    obs, nothing = _batch(1).obs, torch.zeros(1)
+    drawn = agent.draw(obs)
+    (own, own_slope), (other, other_slope) = (a.masked_value(obs, drawn.action) for a in (agent, following))
     own_scale = 0.99 + 0.01 * own.abs().mean()  # the running means start at 1
     other_scale = 0.99 + 0.01 * other.abs().mean()
-    expected = -(0.7 * own + 0.3 * other * own_scale / other_scale).mean()
-    torch.testing.assert_close(agent.actor_loss(obs, action, log_prob, alpha, following), expected)
+    loss = agent.actor_gradient(obs, drawn, nothing, following)
+    torch.testing.assert_close(loss, -(0.7 * own + 0.3 * other * own_scale / other_scale).mean())
+    slope = 0.7 * own_slope + 0.3 * other_slope * own_scale / other_scale
+    by_mean = -(slope * (1 - drawn.action**2)).mean(0)
+    torch.testing.assert_close(agent.actor.gradients[-1][0, :N_ACTIONS], by_mean)
 
 
 def test_temperature_aims_at_the_agents_own_number_of_actions():
     for n in (1, 4):
         agent = SACAgent(_plan(np.ones((n, 1))), N_OBS, SMALL, seed=1)
         for entropy, direction in ((-n - 0.5, 1), (-n + 0.5, -1)):  # too little entropy: alpha must rise
-            gradient = torch.autograd.grad(agent.alpha_loss(torch.full((BATCH,), -float(entropy))), agent.log_alpha)[0]
-            assert torch.sign(-gradient).item() == direction
+            agent.alpha_gradient(torch.full((BATCH,), -float(entropy)))
+            assert torch.sign(-agent.log_alpha.grad).item() == direction
 
 
 def test_a_loss_that_is_not_finite_ends_training():

@@ -49,6 +49,13 @@ class Extractor(BaseFeaturesExtractor):
         return torch.cat([inputs[:, :N_STATE], self.network(sensed)], 1)
 
 
+def parameters(agent: SACAgent) -> list[list[torch.Tensor]]:
+    """Actor, critics and targets, the encoders and the actor without their leading dimension; views."""
+    n = agent.encoder.n_weights
+    sides = [[*(w[0] for w in net.weights[:n]), *net.weights[n:]] for net in (agent.critics, agent.targets)]
+    return [agent.policy_weights, *sides]
+
+
 def sb3_parameters(model: SAC) -> tuple[list[torch.Tensor], list[torch.Tensor], list[torch.Tensor]]:
     """Actor, critics and targets of SB3 in our order, transposed and twins together; views where that is possible."""
     actor, critics, targets = model.actor, model.critic, model.critic_target
@@ -97,10 +104,9 @@ def test_one_critic_and_an_all_ones_matrix_is_sb3s_sac_with_such_an_extractor(
     model.set_logger(configure(None, []))
     model._current_progress_remaining = 1.0
     with torch.no_grad():
-        for weights, theirs in zip((agent.actor, agent.critics, agent.targets), sb3_parameters(model), strict=True):
-            assert [w.shape for w in weights] == [w.shape for w in theirs]
-        for weights, theirs in zip((agent.actor, agent.critics, agent.targets), sb3_parameters(model), strict=True):
+        for weights, theirs in zip(parameters(agent), sb3_parameters(model), strict=True):
             for w, their in zip(weights, theirs, strict=True):
+                assert w.shape == their.shape
                 w.copy_(their)
     g = torch.Generator().manual_seed(0)
     sensed = [torch.rand(BATCH, SENSORS[name].size, generator=g) * SENSORS[name].full for _ in range(2)]
@@ -111,19 +117,19 @@ def test_one_critic_and_an_all_ones_matrix_is_sb3s_sac_with_such_an_extractor(
     monkeypatch.setattr(model.replay_buffer, "sample", lambda *a, **k: samples)
     monkeypatch.setattr(agent.buffer, "sample", lambda *a, **k: batch)
     noise = [torch.randn(BATCH, N_ACTIONS, generator=g) for _ in range(2)]
-    ours, theirs_noise = iter(noise * 2), iter(noise * 2)
-    monkeypatch.setattr(agent, "_noise", lambda shape: next(ours))
+    theirs_noise = iter(noise)
+    monkeypatch.setattr(agent, "_noise", lambda shape: torch.cat(noise))
     monkeypatch.setattr(torch.distributions.normal, "_standard_normal", lambda *a, **k: next(theirs_noise))
-    agent.actor_optimizer = torch.optim.SGD(agent.actor, 1.0)
-    agent.critic_optimizer = torch.optim.SGD(agent.critics, 1.0)
+    agent.actor_optimizer = torch.optim.SGD([agent.actor.flat, agent.log_alpha], 1.0)
+    agent.critic_optimizer = torch.optim.SGD([agent.critics.flat], 1.0)
     monkeypatch.setattr(model, "_update_learning_rate", lambda optimizers: None)
-    before = [w.detach().clone() for w in agent.actor]
+    before = [w.clone() for w in agent.actor.weights]
     agent.train(1)
     model.train(gradient_steps=1, batch_size=BATCH)
-    for weights, theirs in zip((agent.actor, agent.critics, agent.targets), sb3_parameters(model), strict=True):
+    for weights, theirs in zip(parameters(agent), sb3_parameters(model), strict=True):
         for w, their in zip(weights, theirs, strict=True):
-            torch.testing.assert_close(w.detach(), their.detach(), atol=1e-5, rtol=1e-5)
-    assert all(not torch.equal(w, old) for w, old in zip(agent.actor, before, strict=True))
+            torch.testing.assert_close(w, their.detach(), atol=1e-5, rtol=1e-5)
+    assert all(not torch.equal(w, old) for w, old in zip(agent.actor.weights, before, strict=True))
 
 
 SEES = {

@@ -12,6 +12,7 @@ import shutil
 import signal
 import subprocess
 import time
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -171,13 +172,17 @@ def test_ctrl_c_leaves_no_failed_cell_and_no_process(tiny_suite: Path, command: 
     assert "failed" not in states(out).values()
 
 
-def kill_at_instants(n: int, whole: Path, span: float, suite: Path, command: list[str], folder: Path) -> int:
+def kill_at_instants(
+    n: int, whole: Path, span: float, suite: Path, command: list[str], folder: Path
+) -> Counter[tuple[str, str]]:
     """Kill the command at `n` seeded instants; what it then ends with must be the files of the uninterrupted run.
 
-    Returns how often a cell continued from a checkpoint; `kills.log` in `folder` has what was done.
+    An instant is up to `span` seconds after the command began. Returns how often the cell of each backend and method
+    continued from a checkpoint; `kills.log` in `folder` has what was done.
     """
     rng = random.Random(20_240)
-    kills, attempt, continued = 0, 0, 0
+    kills, attempt = 0, 0
+    continued: Counter[tuple[str, str]] = Counter()
 
     def note(line: str) -> None:
         with (folder / "kills.log").open("a") as file:
@@ -200,14 +205,18 @@ def kill_at_instants(n: int, whole: Path, span: float, suite: Path, command: lis
                 process.send_signal(signal.SIGKILL)
                 process.wait()
                 kills += 1
-                note(f"{out.name}: kill {kills} after {instant:.2f} s, cells {sorted(states(out).values())}")
+                note(f"{out.name}: kill {kills} after {instant:.2f} s, {dict(Counter(states(out).values()))}")
             check_whole(out)
         assert results(out) == results(whole)
         assert set(states(out).values()) == {"done"}
-        logs = [path.read_text() for path in out.glob("cells/*/log.txt")]
-        steps = [line.rpartition(" ")[2] for text in logs for line in text.splitlines() if "continued from" in line]
-        continued += len(steps)
-        note(f"{out.name}: same bytes; cells continued at env steps {', '.join(steps) or 'none'}")
+        note(f"{out.name}: same bytes")
+        for path in sorted(out.glob("cells/*/log.txt")):
+            steps = [line.rpartition(" ")[2] for line in path.read_text().splitlines() if "continued from" in line]
+            if steps:
+                cell = json.loads((path.parent / "cell.json").read_text())
+                backend, method = cell["backend"]["name"], cell["method"]["name"]
+                continued[backend, method] += len(steps)
+                note(f"  {backend} {method} continued at env steps {', '.join(steps)}")
     return continued
 
 
@@ -225,16 +234,24 @@ def test_kill_9_at_four_instants(
     kill_at_instants(4, *timed_run, tiny_suite, command, tmp_path)
 
 
+LEARNERS = ("cmSAC", "cmmSAC", "mSAC", "cSAC", "cmPPO", "cmmPPO", "mPPO")
+
+
 @pytest.mark.long
-def test_kill_9_at_twenty_instants(tiny_suite: Path, command: list[str], tmp_path: Path) -> None:
+def test_kill_9_at_twenty_instants_of_every_learner_on_three_backends(
+    tiny_suite: Path, command: list[str], tmp_path: Path
+) -> None:
+    """A kill comes within a tenth of the run, so that most hit two cells at work; stock rows keep no checkpoints."""
     suite = tmp_path / "tiny.yaml"
-    text = tiny_suite.read_text().replace("env_steps: 120", "env_steps: 400").replace("every: 60", "every: 200")
-    text = text.replace("[kinematic]", "[kinematic, gymrob, pybullet]").replace("[cmSAC, mSAC]", "[cmSAC, cSAC]")
-    suite.write_text(text)
+    text = tiny_suite.read_text().replace("env_steps: 120", "env_steps: 300").replace("every: 60", "every: 150")
+    text = text.replace("[kinematic]", "[kinematic, gymrob, pybullet]").replace("cmSAC, mSAC", ", ".join(LEARNERS))
+    suite.write_text(text.replace("learning_starts: 20,", "learning_starts: 20, PPO: {n_steps: 48},"))
     started = time.monotonic()
     subprocess.run([*command, *arguments(suite, tmp_path / "whole")], check=True, capture_output=True)
     span = time.monotonic() - started
-    assert kill_at_instants(20, tmp_path / "whole", span, suite, command, tmp_path) > 5
+    continued = kill_at_instants(20, tmp_path / "whole", span / 10, suite, command, tmp_path)
+    assert {backend for backend, _ in continued} == {"kinematic", "gymrob", "pybullet"}
+    assert sum(continued.values()) > 10
 
 
 def _rewritten(change: Callable[[dict[str, Any]], object]) -> Callable[[str], str]:

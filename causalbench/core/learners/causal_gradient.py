@@ -18,6 +18,9 @@ from causalbench.core.discovery.graph import CausalGraph
 from causalbench.core.learners.methods import Method
 from causalbench.core.tasks.task import Task
 
+Critics = Literal["rows", "heads", "terms"]
+"""One critic per distinct row of the matrix, the same as heads of one network, or one critic per reward term."""
+
 
 @dataclass(frozen=True)
 class StagePlan:
@@ -47,7 +50,11 @@ def training_matrix(task: Task, graph: CausalGraph, stage: int) -> NDArray[np.bo
 
 
 def stage_plan(
-    task: Task, method: Method, graph: CausalGraph | None, stage: int, critics: Literal["rows", "terms"] = "rows"
+    task: Task,
+    method: Method,
+    graph: CausalGraph | None,
+    stage: int,
+    critics: Literal["rows", "heads", "terms"] = "rows",
 ) -> StagePlan:
     """The plan of `method` for one stage (1-based); `graph` may be None for methods without a matrix."""
     n_actions = len(task.actions)
@@ -63,7 +70,7 @@ def stage_plan(
     matrix = matrix[actions]
     if method.gradient == "scalar":
         return StagePlan(actions, active[None], np.ones((len(actions), 1), dtype=bool), np.array([True]), False)
-    if critics == "rows":
+    if critics != "terms":
         rows, row_of = np.unique(matrix, axis=0, return_inverse=True)
         mask = row_of.reshape(-1, 1) == np.arange(len(rows))
         return StagePlan(actions, rows, mask, np.ones(len(rows), dtype=bool), joint_twin=False)

@@ -20,7 +20,7 @@ from torch import Tensor
 from causalbench.core.learners.learner import State
 from causalbench.errors import CheckpointError
 
-SCHEMA = 1
+SCHEMA = 2
 
 
 @dataclass(frozen=True)

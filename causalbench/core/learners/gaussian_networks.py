@@ -12,7 +12,7 @@ from itertools import pairwise
 import torch
 from torch import Tensor
 
-from causalbench.core.learners.networks import LOG_SQRT_2PI
+from causalbench.core.learners.networks import LOG_SQRT_2PI, last_layer
 
 HIDDEN_GAIN, ACTOR_GAIN, VALUE_GAIN = math.sqrt(2), 0.01, 1.0  # of the orthogonal initialisation, as in SB3
 
@@ -43,7 +43,7 @@ def tanh_mlp(weights: list[Tensor], inputs: Tensor) -> Tensor:
     x = inputs
     for kernel, bias in zip(weights[:-2:2], weights[1:-2:2], strict=True):
         x = torch.addmm(bias, x, kernel).tanh_()
-    return torch.addmm(weights[-1], x, weights[-2])
+    return last_layer(weights, x)
 
 
 def gaussian_actor_forward(weights: list[Tensor], obs: Tensor) -> tuple[Tensor, Tensor]:

@@ -1,8 +1,7 @@
-"""Networks as plain lists of tensors: a squashed Gaussian actor and critics that run side by side.
+"""SAC's networks as plain lists of tensors: a squashed Gaussian actor, and the initial weights of its critics.
 
-Same functions and initialisation as stable-baselines3's SAC (ReLU MLPs, log std clamped to [-20, 2]); as lists of
-tensors because all critics of an agent, twins included, are one batched matrix product per layer.
-Weights are [W1, b1, W2, b2, ...].
+Same functions and initialisation as stable-baselines3's SAC (ReLU MLPs, log std clamped to [-20, 2]); lists of tensors,
+since all critics of an agent, twins included, run side by side (`stacked_mlp`). Weights are [W1, b1, W2, b2, ...].
 """
 
 from __future__ import annotations
@@ -41,8 +40,14 @@ def actor_forward(weights: list[Tensor], obs: Tensor) -> tuple[Tensor, Tensor]:
     x = obs
     for kernel, bias in zip(weights[:-2:2], weights[1:-2:2], strict=True):
         x = torch.addmm(bias, x, kernel).relu_()
-    mean, log_std = torch.addmm(weights[-1], x, weights[-2]).chunk(2, -1)
+    mean, log_std = last_layer(weights, x).chunk(2, -1)
     return mean, log_std.clamp(LOG_STD_MIN, LOG_STD_MAX)
+
+
+def last_layer(weights: list[Tensor], x: Tensor) -> Tensor:
+    """(batch, n_out) of x (batch, n_in); rounded the same however the kernel lies in memory."""
+    kernel, bias = weights[-2:]
+    return torch.addmm(bias[:, None], kernel.T.contiguous(), x.T).T
 
 
 def squashed_sample(mean: Tensor, log_std: Tensor, noise: Tensor) -> tuple[Tensor, Tensor]:
@@ -50,11 +55,3 @@ def squashed_sample(mean: Tensor, log_std: Tensor, noise: Tensor) -> tuple[Tenso
     action = torch.tanh(mean + log_std.exp() * noise)
     log_prob = -0.5 * noise**2 - log_std - LOG_SQRT_2PI - torch.log(1 - action**2 + TANH_EPSILON)
     return action, log_prob.sum(-1)
-
-
-def critics_forward(weights: list[Tensor], inputs: Tensor) -> Tensor:
-    """Values (count, batch) of every critic; `inputs` (batch, n) shared or (count, batch, n), one per critic."""
-    x = inputs if inputs.dim() == 3 else inputs.expand(weights[0].shape[0], -1, -1)
-    for kernel, bias in zip(weights[:-2:2], weights[1:-2:2], strict=True):
-        x = torch.baddbmm(bias.unsqueeze(1), x, kernel).relu_()
-    return torch.baddbmm(weights[-1].unsqueeze(1), x, weights[-2]).squeeze(-1)

@@ -25,13 +25,9 @@ class StageBuffer:
 
     def __init__(self, capacity: int, n_obs: int, n_actions: int, n_critics: int) -> None:
         self.capacity, self.size, self.position, self.new = capacity, 0, 0, 0
-        self.data = Batch(
-            torch.zeros(capacity, n_obs),
-            torch.zeros(capacity, n_actions),
-            torch.zeros(capacity, n_critics),
-            torch.zeros(capacity, n_obs),
-            torch.zeros(capacity),
-        )
+        self.widths = [n_obs, n_actions, n_critics, n_obs, 1]
+        self.rows = torch.zeros(capacity, sum(self.widths))  # a transition a row: a batch is taken out in one go
+        self.data = self._columns(self.rows)
 
     def add(self, transitions: Batch) -> None:
         """Append a batch of transitions, overwriting the oldest."""
@@ -46,7 +42,11 @@ class StageBuffer:
     def sample(self, batch_size: int, generator: torch.Generator) -> Batch:
         """Uniform, with replacement."""
         rows = torch.randint(self.size, (batch_size,), generator=generator)
-        return Batch(*(store[rows] for store in self.data))
+        return self._columns(self.rows.index_select(0, rows))
+
+    def _columns(self, rows: Tensor) -> Batch:
+        obs, actions, rewards, next_obs, done = torch.split(rows, self.widths, 1)
+        return Batch(obs, actions, rewards, next_obs, done[:, 0])
 
     def state(self) -> State:
         """The transitions it holds and its counters."""

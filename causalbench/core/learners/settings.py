@@ -22,7 +22,7 @@ class SACSettings:
     updates_per_sample: float = 0.25
     ent_coef_init: float = 0.05  # entropy start; SB3's "auto" starts at 1.0
     cooperation_weight: float = 0.3  # share of the next stage's critic in cSAC
-    critics: Literal["rows", "terms"] = "rows"  # one critic per distinct matrix row, or per reward term
+    critics: Literal["rows", "heads", "terms"] = "rows"  # a critic per distinct matrix row (heads: of one net) or term
     n_envs: int = 1  # scenes stepped by one learner
     observe_gripper: bool = True  # ours; the paper's observation has no gripper opening
     observation: Literal["state", "paper"] = "state"  # "paper": image or LiDAR, too, through the paper's convolutions

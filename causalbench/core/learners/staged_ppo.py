@@ -43,7 +43,7 @@ class StagedPPO:
         n_steps = max(1, settings.n_steps // settings.n_envs)
         self.rollout = Rollout(n_steps, settings.n_envs, n_obs, n_actions, len(task.terms))
         self.policy = StagedPolicy(
-            [agent.actor for agent in self.agents],
+            [agent.policy_weights for agent in self.agents],
             [plan.actions for plan in self.plans],
             n_actions,
             scale,

@@ -42,7 +42,7 @@ class StagedSAC:
         ]
         self.rng = np.random.default_rng(int(seeds[-1]))
         self.policy = StagedPolicy(
-            [agent.actor for agent in self.agents],
+            [agent.policy_weights for agent in self.agents],
             [plan.actions for plan in self.plans],
             len(task.actions),
             scale,
