@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import functools
+import itertools
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,6 +22,8 @@ BASE, HAND, FINGER, TARGET = (150, 150, 160), (235, 235, 230), (60, 60, 60), (21
 SHADE = np.array([0.75, 0.6, 1.0])  # of a box's sides along its own x, y and z
 PALM_HALF, FINGER_HALF = (0.03, 0.06, 0.035), (0.012, 0.006, 0.03)  # m
 PALM_BACK = 0.07  # m from the end effector back along the approach axis to the middle of the palm
+REACH, NEAR = float(np.tan(np.radians(FOV) / 2)), 0.01  # of the view per metre ahead, up and down; m
+CORNERS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
 MARK_HALF = (0.03, 0.03, 0.03)  # m: a mark has no extents of its own
 
 
@@ -38,18 +43,16 @@ def draw(
         x, y, yaw = facts.base_pose
         solid.append((_row((0.2, 0.2, 0.2), np.array([x, y, 0.2]), rotations.from_axis_angle(2, yaw)), BASE))
     rays, eye = _rays(width, height, camera), np.array(camera.eye)
-    image = np.empty((len(rays), 3))
-    image[:] = SKY
-    down = rays[:, 2] < 0
-    image[down] = FLOOR
-    nearest = np.full(len(rays), np.inf)
-    nearest[down] = -eye[2] / rays[down, 2]
+    with np.errstate(divide="ignore"):
+        nearest = np.where(rays[..., 2] < 0, -eye[2] / rays[..., 2], np.inf)
+    image = np.where(np.isfinite(nearest)[..., None], FLOOR, SKY).astype(np.uint8)
     for row, colour in solid:
-        distance, axis = _meet(row, eye, rays)
-        seen = distance < nearest
-        nearest[seen] = distance[seen]
-        image[seen] = SHADE[axis[seen], None] * colour
-    return image.reshape(height, width, 3).astype(np.uint8)
+        where = _window(row, width, height, camera)
+        distance, axis = _meet(row, eye, rays[where])
+        seen = distance < nearest[where]
+        nearest[where][seen] = distance[seen]
+        image[where][seen] = (SHADE[:, None] * colour).astype(np.uint8)[axis[seen]]
+    return image
 
 
 def _row(half: Array | tuple[float, ...], position: Array, quaternion: Array) -> Array:
@@ -70,23 +73,37 @@ def _hand(facts: Facts) -> list[Solid]:
     return [part(PALM_HALF, (0.0, 0.0, -PALM_BACK), HAND), *fingers]
 
 
+@functools.lru_cache(maxsize=8)
 def _rays(width: int, height: int, camera: Camera) -> Array:
-    """Directions (height * width, 3) through the middle of every pixel, row by row from the upper left."""
+    """Directions (height, width, 3) through the middle of every pixel, from the upper left."""
     right, up, forward = camera.axes()
-    reach = np.tan(np.radians(FOV) / 2)
-    across = (np.arange(width) + 0.5 - width / 2) * (2 * reach / height)
-    rise = (height / 2 - np.arange(height) - 0.5) * (2 * reach / height)
-    return (forward + rise[:, None, None] * up + across[:, None] * right).reshape(-1, 3)
+    scale = 2 * REACH / height
+    across = (np.arange(width) + 0.5 - width / 2) * scale
+    rise = (height / 2 - np.arange(height) - 0.5) * scale
+    return forward + rise[:, None, None] * up + across[:, None] * right
+
+
+def _window(row: Array, width: int, height: int, camera: Camera) -> tuple[slice, slice]:
+    """Rows and columns of the picture outside of which a box is not seen."""
+    corners = row[3:6] + (CORNERS * row[:3]) @ rotations.matrix(row[6:10]).T - np.array(camera.eye)
+    right, up, forward = camera.axes()
+    depth = corners @ forward
+    if depth.min() < NEAR:  # partly behind the camera
+        return slice(None), slice(None)
+    scale = height / 2 / REACH / depth
+    across, down = width / 2 + scale * (corners @ right), height / 2 - scale * (corners @ up)
+    rows, columns = (slice(max(int(x.min()), 0), max(int(x.max()) + 1, 0)) for x in (down, across))
+    return rows, columns
 
 
 def _meet(row: Array, eye: Array, rays: Array) -> tuple[Array, NDArray[np.int64]]:
-    """Multiples (n,) of `rays` (n, 3) at which they enter a box, infinity where they miss it; the side's axis (n,)."""
+    """Multiples of `rays` (..., 3) at which they enter a box, infinity where they miss it; the side's axis."""
     matrix = rotations.matrix(row[6:10])
     start, way = (eye - row[3:6]) @ matrix, rays @ matrix
     with np.errstate(divide="ignore"):
         inverse = 1.0 / way
     one, two = (-row[:3] - start) * inverse, (row[:3] - start) * inverse
     enter = np.minimum(one, two)
-    axis = enter.argmax(1)
-    first, last = enter.max(1), np.maximum(one, two).min(1)
+    axis = enter.argmax(-1)
+    first, last = enter.max(-1), np.maximum(one, two).min(-1)
     return np.where((first <= last) & (first > 0.0), first, np.inf), axis
