@@ -156,6 +156,8 @@ def _furnish(spec: mujoco.MjSpec, n_fixtures: int) -> None:
         elif not geom.name.startswith(("fixture", OBJECT)):
             floor = geom.type == mujoco.mjtGeom.mjGEOM_PLANE
             geom.rgba = [0.4, 0.4, 0.4, 1.0] if floor else [0.6, 0.6, 0.65, 1.0]
+            if floor:
+                geom.size = [0.0, 0.0, 0.1]  # drawn as far as one sees; it is without end anyway
 
 
 def geom_classes(model: mujoco.MjModel) -> Indices:
