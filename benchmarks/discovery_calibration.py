@@ -24,13 +24,13 @@ from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench.report.stats import wilson
 
 NAME = "discovery_calibration"
-STATES = 200
+STATES, ROUNDING = 200, 1e-9
 FDR = DiscoverySettings().fdr
 
 
 def truth() -> list[np.ndarray]:
-    """Per stage bool (n_actions, n_terms). Restoring is exact, so that an edge without effect shows exactly none."""
-    return [stage.effect > 0 for stage in consult_oracle(TASK, make, STATES, 0, quiet)]
+    """Per stage bool (n_actions, n_terms). Restoring is exact: an edge without effect shows rounding alone."""
+    return [stage.effect > ROUNDING for stage in consult_oracle(TASK, make, STATES, 0, quiet)]
 
 
 def graph_of(seed: int, discoveries: Path) -> CausalGraph:

@@ -2,7 +2,8 @@
 
     python benchmarks/discovery_contact.py --backends gymrob robosuite pybullet
 
-Two questions, a table each. `pairs`: with a_k at 0 instead of random, same state and other actions, how often is a
+Three questions, a table each. `motion`: how often does a step that closes the gripper end in a grasp, by how each arm
+action moves? `pairs`: with a_k at 0 instead of random, same state and other actions, how often is a
 grasp lost and how often gained? `inputs`: how well does a boosted classifier, trained on the samples of all seeds but
 the first, tell the grasps of the first seed, and how much worse does it without one action? The difference in log loss
 is what that action says of the grasp beyond state and other actions (nats), which is all that any method can see that
@@ -43,6 +44,20 @@ def pairs(backend: str) -> list[Row]:
         | {"lost": int((held[:, 0] & ~without).sum()), "gained": int((~held[:, 0] & without).sum())}
         for action, without in zip(("repeated", *TASK.actions), held[:, 1:].T, strict=True)
     ]
+
+
+def motion(backend: str, seeds: list[int], discoveries: Path) -> list[Row]:
+    """Per arm action: share of closing steps that end in a grasp, by fifths of the action's range from -1 to 1."""
+    sets = [s for seed in seeds for s in random_sets(read_samples(folder(discoveries, backend, seed))[STAGE - 1])]
+    actions, rewards = (np.concatenate(c) for c in zip(*((s.actions, s.rewards) for s in sets), strict=True))
+    closing = actions[:, TASK.actions.index("grip")] > 0
+    held = rewards[closing, 0] > 0
+    rows = []
+    for k in ARM:
+        fifth = np.digitize(actions[closing, k], np.linspace(-1, 1, 6)[1:-1])
+        shares = {f"fifth_{i + 1}": held[fifth == i].mean() for i in range(5)}
+        rows.append(Row(backend=backend, action=TASK.actions[k], steps=int(closing.sum())) | shares)
+    return rows
 
 
 def random_sets(data: StageSamples) -> list[Samples]:
@@ -100,12 +115,14 @@ def mean_and_error(values: np.ndarray, group: np.ndarray) -> tuple[float, float]
 
 
 def main() -> None:
-    """Measure what is missing and print both tables."""
+    """Measure what is missing and print the tables."""
     args = options(__doc__, NAME, ("gymrob", "robosuite", "pybullet"), 5).parse_args()
     for backend in args.backends:
         measured(args.work / "pairs" / f"{backend}.csv", partial(pairs, backend))
-        measured(args.work / "inputs" / f"{backend}.csv", partial(inputs, backend, [*args.seeds], args.discoveries))
-    for name in ("pairs", "inputs"):
+        measured(args.work / "motion" / f"{backend}.csv", partial(motion, backend, [*args.seeds], args.discoveries))
+        if len(args.seeds) > 1:
+            measured(args.work / "inputs" / f"{backend}.csv", partial(inputs, backend, [*args.seeds], args.discoveries))
+    for name in ("motion", "pairs", "inputs"):
         print(put_together(args.work / name, f"{NAME}_{name}", args.docs).round(4).to_string(index=False))
 
 

@@ -2,7 +2,7 @@
 
     python benchmarks/discovery_results.py                       # write them into the page
     python benchmarks/discovery_results.py --check               # fail if the page says something else
-    python benchmarks/discovery_results.py --read runs/discoveries   # first renew discovery_edges.csv and _seeds.csv
+    python benchmarks/discovery_results.py --read runs/discoveries   # first renew what is read from discoveries
 
 The other benchmarks write the other files; one that is not there is "not measured".
 """
@@ -12,18 +12,24 @@ from __future__ import annotations
 import argparse
 import itertools
 import re
+import shutil
 import sys
+import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 from discoveries import BACKENDS, DOCS, Row, judged, measured, read_graph, read_truth
-from discovery_calibration import p_values_of_absent_edges
+from discovery_calibration import FDR, p_values_of_absent_edges
 from discovery_calibration import summary as calibration_summary
 from discovery_methods import summary as methods_summary
 
-from causalbench.core.discovery.graph import used_kl
+from causalbench.core.discovery.graph import manual_graph, used_kl
+from causalbench.core.discovery.score import score_matrix
+from causalbench.core.discovery.select import select_causal_actions
+from causalbench.core.tasks.pure_manipulation import TASK
+from causalbench.report.figures import write_figures
 from causalbench.report.stats import bootstrap_interval, wilson
 
 PAGE = Path("docs/discovery_results.md")
@@ -39,9 +45,20 @@ def read_discoveries(root: Path, docs: Path) -> None:
         for path in sorted(root.glob(f"{backend}-s*"))
         if (path / "oracle.csv").exists()
     ]
-    for name, rows in (("discovery_edges", _edges), ("discovery_seeds", _seeds)):
+    tables = {"discovery_edges": _edges, "discovery_seeds": _seeds, "discovery_directions": _directions}
+    for name, rows in tables.items():
         (docs / f"{name}.csv").unlink(missing_ok=True)
         measured(docs / f"{name}.csv", lambda of=rows: [row for one in made for row in of(*one)])
+
+
+def draw_first(root: Path, figures: Path) -> None:
+    """The KL map of each backend's seed 0 as docs/figures/kl-BACKEND.svg."""
+    figures.mkdir(parents=True, exist_ok=True)
+    for backend in BACKENDS:
+        if (root / f"{backend}-s0" / "oracle.csv").exists():
+            with tempfile.TemporaryDirectory() as folder:
+                write_figures(Path(folder) / "figures", read_graph(root / f"{backend}-s0"), manual_graph(TASK))
+                shutil.copyfile(Path(folder) / "figures" / "kl.svg", figures / f"kl-{backend}.svg")
 
 
 def _edges(backend: str, seed: int, path: Path) -> list[Row]:
@@ -69,6 +86,18 @@ def _seeds(backend: str, seed: int, path: Path) -> list[Row]:
     return [row | {f"f1_stage_{i}": scores[str(i)] for i in range(1, 5)} | judged(graph, read_truth(path))]
 
 
+def _directions(backend: str, seed: int, path: Path) -> list[Row]:
+    """Algorithm 2 alone, without the gate of placebos, on each direction of KL from the same fit."""
+    rows = []
+    for found, true in zip(read_graph(path).stages, read_truth(path), strict=True):
+        for name, kl in (("forward", found.kl), ("reverse", found.kl_reverse), ("symmetric", found.kl_symmetric)):
+            lists = np.asarray(kl).clip(min=0.0).T
+            score = score_matrix(np.column_stack([select_causal_actions(kls).selected for kls in lists]), true.grades())
+            counts = {"found": score.true_positives, "missed": score.false_negatives, "false": score.false_positives}
+            rows.append(Row(backend=backend, seed=seed, stage=found.stage, direction=name) | counts)
+    return rows
+
+
 # One function a table of the page.
 
 
@@ -83,9 +112,18 @@ def matrices(frames: Frames) -> pd.DataFrame:
         return ", ".join(named)
 
     table = edges.groupby(["stage", "reward", "backend"], sort=False)[["action", "seed", "selected"]].apply(causes)
-    wide = table.unstack("backend").reset_index()
+    order = pd.MultiIndex.from_frame(edges[["stage", "reward"]].drop_duplicates())
+    wide = table.unstack("backend").loc[order].reset_index()
     seeds = edges.groupby("backend", sort=False)["seed"].nunique()
-    return wide[["stage", "reward", *seeds.index]].rename(columns={b: f"{b}, {n} seeds" for b, n in seeds.items()})
+    return wide[["stage", "reward", *seeds.index]].rename(
+        columns={b: f"{b}, {n} seed{'s' * (n > 1)}" for b, n in seeds.items()}
+    )
+
+
+def maps(frames: Frames) -> pd.DataFrame:
+    """Where the pictures are."""
+    first = frames["discovery_edges"].query("seed == 0")["backend"].unique()
+    return pd.DataFrame({"backend": first, "KL of every edge, seed 0": [f"[map](figures/kl-{b}.svg)" for b in first]})
 
 
 def scores(frames: Frames) -> pd.DataFrame:
@@ -102,7 +140,38 @@ def scores(frames: Frames) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+def selections(frames: Frames) -> pd.DataFrame:
+    """Edges that Algorithm 2 and the placebos' cut select from the same fits, by the oracle's grade."""
+    edges = frames["discovery_edges"]
+    cuts = {"paper": edges["selected"], "fdr": (edges["q_value"] <= FDR).astype(int)}
+    rows = []
+    for backend in dict.fromkeys(edges["backend"]):
+        for name, chosen in cuts.items():
+            row = Row(backend=backend, select=name)
+            for grade in ("strong", "weak", "absent"):
+                here = chosen[(edges["backend"] == backend) & (edges["grade"] == grade)]
+                row[grade] = f"{here.sum()} of {len(here)}"
+            rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def directions(frames: Frames) -> pd.DataFrame:
+    """Strong edges missed and absent ones selected by each direction of KL."""
+    table = frames["discovery_directions"]
+    rows = []
+    for (backend, direction), here in table.groupby(["backend", "direction"], sort=False):
+        row = Row(backend=backend, KL=direction)
+        for name, part in (("stages 1-3", here[here["stage"] < 4]), ("stage 4", here[here["stage"] == 4])):
+            strong = part["found"].sum() + part["missed"].sum()
+            row[f"missed, {name}"] = f"{part['missed'].sum()} of {strong}"
+            row[f"false, {name}"] = part["false"].sum()
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
 def _mean(values: pd.Series) -> str:
+    if len(values) < 5:  # as in a leaderboard
+        return f"{values.mean():.2f}"
     low, high = bootstrap_interval(lambda strata: strata[0].mean(-1), [values.to_numpy()])
     return f"{values.mean():.2f} [{low:.2f}, {high:.2f}]"
 
@@ -207,6 +276,14 @@ def paper(frames: Frames) -> pd.DataFrame:
     return _round(frames["discovery_paper"][names].fillna(""), f1=2, f1_stages_1_3=2)
 
 
+def motion(frames: Frames) -> pd.DataFrame:
+    """Share of closing steps that end in a grasp, by fifths of each arm action's range."""
+    table = frames["discovery_contact_motion"]
+    fifths = [f"fifth_{i}" for i in range(1, 6)]
+    names = ["-1 to -0.6", "to -0.2", "to 0.2", "to 0.6", "to 1"]
+    return _round(table, **dict.fromkeys(fifths, 3)).rename(columns=dict(zip(fifths, names, strict=True)))
+
+
 def pairs(frames: Frames) -> pd.DataFrame:
     """Grasps lost and gained with an action at 0."""
     return frames["discovery_contact_pairs"]
@@ -241,7 +318,10 @@ def cheap(frames: Frames) -> pd.DataFrame:
 
 TABLES: Mapping[str, tuple[Callable[[Frames], pd.DataFrame], tuple[str, ...]]] = {
     "matrices": (matrices, ("discovery_edges",)),
+    "maps": (maps, ("discovery_edges",)),
     "scores": (scores, ("discovery_edges", "discovery_seeds")),
+    "selections": (selections, ("discovery_edges",)),
+    "directions": (directions, ("discovery_directions",)),
     "wrong_edges": (wrong_edges, ("discovery_edges",)),
     "reach_limit": (reach_limit, ("discovery_edges",)),
     "agreement": (agreement, ("discovery_edges",)),
@@ -250,6 +330,7 @@ TABLES: Mapping[str, tuple[Callable[[Frames], pd.DataFrame], tuple[str, ...]]] =
     "calibration": (calibration, ("discovery_calibration",)),
     "p_values": (p_values, ("discovery_calibration",)),
     "paper": (paper, ("discovery_paper",)),
+    "motion": (motion, ("discovery_contact_motion",)),
     "pairs": (pairs, ("discovery_contact_pairs",)),
     "inputs": (inputs, ("discovery_contact_inputs",)),
     "sufficiency": (sufficiency, ("discovery_sufficiency",)),
@@ -293,6 +374,7 @@ def main() -> None:
     args = parser.parse_args()
     if args.read:
         read_discoveries(args.read, args.docs)
+        draw_first(args.read, args.docs.parent / "figures")
     page = PAGE.read_text(encoding="utf-8")
     new = filled(page, args.docs)
     if args.check:

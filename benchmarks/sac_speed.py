@@ -1,7 +1,8 @@
 """Gradient updates per second of `SACAgent` beside stable-baselines3's SAC: python benchmarks/sac_speed.py (2 minutes).
 
-Same networks, batch size, update ratio and losses, one thread each, turns A B A B; figures are medians of turns. The
-causal rows are the agents of cmmSAC, averaged over their four stages; their critics are one per distinct matrix row.
+Same networks, batch size, update ratio and losses, one thread each, turns A B A B; figures are medians of processor
+time. The causal rows are the agents of cmmSAC, averaged over their four stages, with one critic per distinct matrix row
+as networks of their own ("rows") and as heads of one network ("heads"). The peak is a 512 x 512 x 512 product's.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import statistics
 from collections.abc import Callable
 from functools import partial
+from itertools import pairwise
 
 import gymnasium as gym
 import numpy as np
@@ -18,13 +20,15 @@ from stable_baselines3.common.logger import configure
 from timing import seconds_per_update
 
 from causalbench.core.discovery.graph import manual_graph
-from causalbench.core.learners.causal_gradient import stage_plan
+from causalbench.core.learners.causal_gradient import Critics, stage_plan
 from causalbench.core.learners.methods import METHODS
 from causalbench.core.learners.sac_agent import SACAgent
 from causalbench.core.learners.settings import SACSettings
 from causalbench.core.tasks.pure_manipulation import TASK
 
 N_OBS, SAMPLES, TURNS = 16, 10_000, 7
+SIDE = 512  # of the matrices that show the core's peak
+CAUSAL: tuple[Critics, ...] = ("rows", "heads")
 SETTINGS = (((64, 64), 256, 60), ((256, 256), 256, 20), ((512, 512), 512, 6))  # networks, batch, updates a turn
 
 
@@ -51,12 +55,14 @@ def sb3(net_arch: tuple[int, ...], batch_size: int) -> Callable[[int], None]:
     return lambda n: model.train(gradient_steps=n, batch_size=batch_size)
 
 
-def ours(name: str, stage: int, net_arch: tuple[int, ...], batch_size: int) -> Callable[[int], None]:
+def ours(
+    name: str, stage: int, net_arch: tuple[int, ...], batch_size: int, critics: Critics = "rows"
+) -> Callable[[int], None]:
     """One stage's agent of a method with a full buffer; a function that does n updates."""
     method = next(m for m in METHODS if m.name == name)
     graph = manual_graph(TASK) if method.matrix == "manual" else None
-    settings = SACSettings(net_arch=net_arch, batch_size=batch_size, buffer_size=SAMPLES)
-    agent = SACAgent(stage_plan(TASK, method, graph, stage), N_OBS, settings, seed=0)
+    settings = SACSettings(net_arch=net_arch, batch_size=batch_size, buffer_size=SAMPLES, critics=critics)
+    agent = SACAgent(stage_plan(TASK, method, graph, stage, critics), N_OBS, settings, seed=0)
     generator = torch.Generator().manual_seed(0)
     for store in agent.buffer.data:
         store.copy_(torch.rand(store.shape, generator=generator) * 2 - 1)
@@ -64,19 +70,49 @@ def ours(name: str, stage: int, net_arch: tuple[int, ...], batch_size: int) -> C
     return agent.train
 
 
+def multiply(n: int) -> None:
+    """Matrix products at the core's peak."""
+    a, b = torch.ones(2, SIDE, SIDE)
+    product = torch.empty(SIDE, SIDE)
+    for _ in range(n):
+        torch.mm(a, b, out=product)
+
+
+def operations(net_arch: tuple[int, ...], batch_size: int) -> float:
+    """Floating-point operations of the matrix products of one plain update, the actor's slope by lesser twins alone."""
+
+    def forward(*sizes: int) -> float:
+        return 2.0 * batch_size * sum(a * b for a, b in pairwise(sizes))
+
+    n_actions = len(TASK.actions)
+    critic = forward(N_OBS + n_actions, *net_arch, 1)
+    critic_backward = 2 * critic - forward(N_OBS + n_actions, net_arch[0])  # no gradient by the samples
+    actor = forward(N_OBS, *net_arch, 2 * n_actions)
+    actor_backward = 2 * actor - forward(N_OBS, net_arch[0])
+    # Targets, critics and their gradient, critics of the new actions, one slope a sample; the actor at s and s'.
+    return 2 * critic + 2 * (critic + critic_backward) + 2 * critic + critic + 2 * actor + actor_backward
+
+
 def main() -> None:
     """Print one block per network size."""
     torch.set_num_threads(1)
     for net_arch, batch_size, updates in SETTINGS:
-        rivals = {"SB3 SAC": sb3(net_arch, batch_size), "mSAC": ours("mSAC", 1, net_arch, batch_size)}
-        rivals |= {f"cmmSAC stage {i}": ours("cmmSAC", i, net_arch, batch_size) for i in (1, 2, 3, 4)}
-        work = {name: partial(train, updates) for name, train in rivals.items()}
+        size = (net_arch, batch_size)
+        rivals = {"SB3 SAC": sb3(*size), "mSAC": ours("mSAC", 1, *size)}
+        for critics in CAUSAL:
+            rivals |= {f"{critics} {i}": ours("cmmSAC", i, *size, critics) for i in (1, 2, 3, 4)}
+        work: dict[str, Callable[[], object]] = {name: partial(train, updates) for name, train in rivals.items()}
+        work["product"] = partial(multiply, updates)
         medians = seconds_per_update(work, updates, TURNS)
-        causal = statistics.mean(value for name, value in medians.items() if name.startswith("cmm"))
         stock = medians["SB3 SAC"]
+        peak = 2 * SIDE**3 / medians["product"]
+        share = operations(*size) / medians["mSAC"] / peak
         print(f"networks {net_arch}, batch {batch_size}: SB3's SAC {1 / stock:.0f} updates/s")
-        print(f"  mSAC, identical math     {stock / medians['mSAC']:.2f} of SB3's rate")
-        print(f"  cmmSAC, mean over stages {stock / causal:.2f}")
+        print(f"  mSAC, identical maths       {stock / medians['mSAC']:.2f} of SB3's rate", end="")
+        print(f"; {share:.0%} of one core's {peak / 1e9:.0f} GFLOP/s")
+        for critics in CAUSAL:
+            causal = statistics.mean(value for name, value in medians.items() if name.startswith(critics))
+            print(f"  cmmSAC {critics}, mean of stages {stock / causal:.2f}")
 
 
 if __name__ == "__main__":

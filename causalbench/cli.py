@@ -137,7 +137,7 @@ def discover(
     backend: Annotated[str, typer.Option(help="Where to discover.")] = "kinematic",
     task: Annotated[str, typer.Option(help="What for.")] = "pure_manipulation",
     discoverer: Annotated[str, typer.Option(help="How: the paper's kl, or another of docs/discovery.md.")] = "kl",
-    preset: Annotated[str, typer.Option(help="Named settings: quick or paper.")] = "quick",
+    preset: Annotated[str, typer.Option(help="Named settings: quick, paper, paper_mobile.")] = "quick",
     select: Annotated[str, typer.Option(help="paper: Algorithm 2; fdr: what stands out from placebos.")] = "paper",
     fdr: Annotated[float, typer.Option(min=0.0, max=1.0, help="Share of wrong edges that --select fdr allows.")] = 0.05,
     seed: Annotated[int, typer.Option(min=0)] = 0,

@@ -1,5 +1,6 @@
 """What the discovery benchmarks share, and the page that is made of what they measured."""
 
+import importlib
 import subprocess
 import sys
 from pathlib import Path
@@ -67,3 +68,10 @@ def test_the_results_page_says_what_the_data_say():
         [sys.executable, "benchmarks/discovery_results.py", "--check"], cwd=ROOT, capture_output=True, text=True
     )
     assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "benchmarks").glob("discover*.py")), ids=lambda path: path.stem)
+def test_every_discovery_benchmark_says_how_it_is_called(path):
+    module = importlib.import_module(path.stem)
+    assert f"python benchmarks/{path.name}" in module.__doc__
+    assert callable(module.main)

@@ -106,7 +106,10 @@ def draw_kl(graph: CausalGraph) -> Figure:
     )
     tested = np.array([_testable(stage, j) for stage, j in columns])
     shown = values[:, tested] if tested.any() else np.ones((1, 1))
-    high = max(float(shown.max()), 1e-3)
+    largest, floor = float(shown.max()), graph.provenance["settings"]["sigma_kl"]
+    # A shift by one deviation at the floor of sigma; colour ends there. A rare reward reaches hundreds of nats, beside
+    # which every other cause would be pale.
+    high = max(min(largest, 1 / (2 * floor**2)) if floor else largest, 1e-3)
     norm = LogNorm(max(high * 1e-5, 1e-4), high, clip=True)  # below a ten-thousandth of a nat is nothing
     figure, ax = _grid(graph, columns)
     shown_values = np.where(tested, values.clip(norm.vmin), np.nan)
@@ -124,7 +127,8 @@ def draw_kl(graph: CausalGraph) -> Figure:
             frame.set_gid(f"selected-{stage.stage}-{stage.terms[j]}-{actions[row]}")
             ax.add_patch(frame)
     direction = graph.provenance["settings"]["direction"]
-    bar = figure.colorbar(image, ax=ax, fraction=0.05, pad=0.03, shrink=0.9)
+    extend = "max" if largest > high else "neither"
+    bar = figure.colorbar(image, ax=ax, fraction=0.05, pad=0.03, shrink=0.9, extend=extend)
     bar.set_label(f"KL ({direction}), nats")
     keys = [Patch(facecolor="none", edgecolor=FRAME, lw=2.5, label="selected")]
     if not tested.all():

@@ -90,6 +90,7 @@ def run(backend, name, path=None, kill_at=None, make_scene=None, **changes):
         ("kinematic", "cmmSAC"),
         ("kinematic", "cSAC"),
         ("kinematic", "cmmPPO"),
+        ("kinematic", "mPPO"),
         ("gymrob", "cSAC"),
         ("pybullet", "cmmSAC"),
     ],

@@ -56,6 +56,11 @@ def test_finds_nothing_where_no_action_matters(name):
     assert not _graph(name, toy_task(_of_the_state, 2)).stages[0].matrix.any()
 
 
+def test_rounding_is_no_effect():
+    task = toy_task(lambda p, a, n: (p.eef_position[..., 0] + 1e-14 * a[..., 1])[..., None], 1)
+    assert not _graph("permutation", task).stages[0].matrix.any()
+
+
 @pytest.mark.parametrize("name", PAIRED)
 def test_pairs_are_taken_where_the_environment_scans(name):
     """Mobile manipulation observes a LiDAR; its first stage is decided by driving alone (closed form of the base)."""

@@ -170,6 +170,8 @@ def test_graph_round_trip_and_refusals(tmp_path):
 def test_paper_preset_has_the_papers_numbers():
     paper = PRESETS["paper"]
     assert (paper.training_count, paper.batch_size, paper.learning_rate, paper.max_epochs) == (5000, 32, 5e-4, 100)
+    mobile = PRESETS["paper_mobile"]
+    assert mobile == dataclasses.replace(paper, training_count=10_000, max_epochs=500)
     assert (paper.epsilon_cv, paper.epsilon_normalize, paper.epsilon_direct) == (1.0, 0.1, 0.01)
 
 

@@ -20,7 +20,7 @@ def discovered(human: CausalGraph, select, testable=lambda n: np.ones(n, dtype=b
         kl = 10.0 ** rng.uniform(-6, 2, stage.matrix.shape)
         can = testable(len(stage.terms))
         stages.append(dataclasses.replace(stage, matrix=select(kl), kl=kl, kl_reverse=kl, testable=can))
-    settings = {"settings": {"direction": "reverse"}}
+    settings = {"settings": {"direction": "reverse", "sigma_kl": 0.2}}
     return dataclasses.replace(human, origin="discovered", stages=tuple(stages), provenance=settings)
 
 

@@ -73,7 +73,7 @@ def test_the_suite_of_the_page_for_backend_authors_is_valid(tmp_path: Path) -> N
         ("  mSAC:", "  mSAK:", 19, "per_method.mSAK: not one of this suite's: cmSAC, mSAC. Did you mean 'mSAC'?"),
         ("  quick:", "  quik:", 7, "tiers.quik: should be 'smoke', 'quick' or 'full', got 'quik'. Did you mean"),
         ("discovery:\n  preset: quick", "discovery:\n  preset: papr", 13,
-         "discovery.preset: should be 'quick' or 'paper', got 'papr'. Did you mean 'paper'?"),
+         "discovery.preset: should be 'quick', 'paper' or 'paper_mobile', got 'papr'. Did you mean 'paper'?"),
         ("20_000", "lots", 9,
          "tiers.quick.env_steps: should be a valid integer, unable to parse string as an integer, got 'lots'"),
         ("every: 2_000", "every: 0", 11, "evaluation.every: should be greater than 0, got 0"),

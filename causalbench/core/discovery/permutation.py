@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 STREAM = 101  # beside the numbers of the sets of samples and of `paired`
 FLIPS = 5_000
+ROUNDING = 1e-12  # variances of the term: a difference of a millionth of a deviation is arithmetic, no effect
 
 
 def discover_stage(problem: StageProblem) -> StageGraph:
@@ -39,9 +40,10 @@ def discover_stage(problem: StageProblem) -> StageGraph:
     if finite.mean() < 0.5:
         raise UndecidedStageError(f"{(~finite).sum()} of {len(values)} states were not finite")
     values = values[finite]
-    squares = (values[:, 1:] - values[:, :1]) ** 2
+    squares, variance = (values[:, 1:] - values[:, :1]) ** 2, values[:, 0].var(0)
+    squares[squares < ROUNDING * variance] = 0.0
     p_value = sign_flip_p_values(squares[:, 1:] - squares[:, :1], rng)
-    testable = values[:, 0].var(0) > 1e-12
+    testable = variance > 1e-12
     matrix = np.where(testable, p_value < settings.level / p_value.size, declared_matrix(task, stage, walk.terms))
     return StageGraph(stage, task.actions, walk.terms, matrix, testable=testable, evidence={"p_value": p_value})
 

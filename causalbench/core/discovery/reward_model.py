@@ -107,7 +107,7 @@ def fit_reward_models(
     log_sigma_min = math.log(settings.sigma_train)
 
     def batch(rows: Tensor) -> Tensor:
-        x = inputs[:, rows]
+        x = inputs.index_select(1, rows)
         if encoder.sensor:
             x = torch.stack([_with_frames(x[k], samples, rows) for k, samples in enumerate(data)]).to(device)
         return x.repeat_interleave(n_terms, 0)
@@ -132,7 +132,7 @@ def fit_reward_models(
                 continue
             if len(rows) not in space:
                 space[len(rows)] = [torch.empty(n_actions * n_terms, len(rows), width) for width in HIDDEN * 2]
-            _set_gradients(weights, batch(rows), targets[:, rows], log_sigma_min, space[len(rows)])
+            _set_gradients(weights, batch(rows), targets.index_select(1, rows), log_sigma_min, space[len(rows)])
             optimizer.step()
         on_progress(epoch / settings.max_epochs)
         if not settings.patience:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 from causalbench.errors import UserError
@@ -49,15 +49,17 @@ class DiscoverySettings:
             raise UserError("discovery: `select: fdr` learns its cut from placebos; set n_placebos to at least 1")
 
 
+PAPER = DiscoverySettings(
+    training_count=5_000,
+    batch_size=32,
+    learning_rate=5e-4,
+    max_epochs=100,
+    patience=0,
+    n_placebos=0,
+)
 PRESETS = {
     "quick": DiscoverySettings(),
-    "paper": DiscoverySettings(
-        training_count=5_000,
-        batch_size=32,
-        learning_rate=5e-4,
-        max_epochs=100,
-        patience=0,
-        n_placebos=0,
-    ),
+    "paper": PAPER,  # pure manipulation
+    "paper_mobile": replace(PAPER, training_count=10_000, max_epochs=500),
 }
-"""Named starting points; "paper" keeps the data sizes and the optimisation of the paper's hyperparameter setting."""
+"""Named starting points; the paper's keep its data sizes and optimisation (appendix, hyperparameter setting)."""

@@ -80,6 +80,7 @@ PRESETS: Mapping[str, Mapping[str, LearnerSettings]] = {
             train_every=1000,
             updates_per_sample=1.0,
             learning_starts=1000,
+            critics="heads",  # the paper does not say; networks of their own make an update cost 1.9 times as much
             observe_gripper=False,
         ),
     },

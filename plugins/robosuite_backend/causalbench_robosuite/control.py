@@ -39,36 +39,40 @@ _mj_step1 = external(_LIBRARY, "mj_step1", "address", "address")
 _mj_step2 = external(_LIBRARY, "mj_step2", "address", "address")
 _mj_jac_site = external(_LIBRARY, "mj_jacSite", "address", "address", "address", "address", "int32")
 
+# A call that hands over tuples of dozens of arrays costs more than what most functions here compute.
+_inlined = compiled(error_model="numpy", forceinline=True)
 
-@compiled(error_model="numpy")
+
+@_inlined
 def _factor(a: Array, n: int) -> None:
-    """The lower triangle of the symmetric positive definite `a` (n, n) becomes its Cholesky factor.
+    """Below its diagonal the symmetric positive definite `a` (n, n) becomes L of a = L D L^T, on it D^-1.
 
-    The diagonal becomes that of the factor's inverse.
+    `a` is read below and on the diagonal. No square roots: they would wait for one another.
     """
     for j in range(n):
-        for i in range(j, n):
-            s = a[i, j]
-            for p in range(j):
-                s -= a[i, p] * a[j, p]
-            a[i, j] = 1.0 / np.sqrt(max(s, 1e-14)) if i == j else s * a[j, j]
+        a[j, j] = 1.0 / max(a[j, j], 1e-14)
+        for i in range(j + 1, n):
+            share = a[i, j] * a[j, j]
+            for k in range(j + 1, i + 1):
+                a[i, k] -= share * a[k, j]
+        for i in range(j + 1, n):
+            a[i, j] *= a[j, j]
 
 
-@compiled
+@_inlined
 def _solve(factor: Array, n: int, x: Array) -> None:
     """Replace `x` (n,) by a^-1 `x`, where `factor` is what `_factor` makes of a."""
     for i in range(n):
         for p in range(i):
             x[i] -= factor[i, p] * x[p]
-        x[i] *= factor[i, i]
     for k in range(n):
         i = n - 1 - k
+        x[i] *= factor[i, i]
         for p in range(i + 1, n):
             x[i] -= factor[p, i] * x[p]
-        x[i] *= factor[i, i]
 
 
-@compiled
+@_inlined
 def _place(chain: arm_ik.Chain, base: Base, reference: Reference, jacobian: Array) -> None:
     """The reference's pose from its joints; `jacobian` (6, 7) is filled on the way."""
     position, rotation = np.empty(3), np.empty((3, 3))
@@ -80,7 +84,7 @@ def _place(chain: arm_ik.Chain, base: Base, reference: Reference, jacobian: Arra
             reference.position[r] += base.rotation[r, c] * position[c]
 
 
-@compiled
+@_inlined
 def _bound(frame: Array, error: Array, lead: float, delta: Array) -> None:
     """Change `delta` (3,), in place, so that a reference that is ahead by `error` (3,) ends up ahead by `lead` at most.
 
@@ -97,7 +101,7 @@ def _bound(frame: Array, error: Array, lead: float, delta: Array) -> None:
             delta[r] = (own[r] + delta[r]) * (lead / size) - own[r]
 
 
-@compiled
+@_inlined
 def _advance(
     chain: arm_ik.Chain, base: Base, reference: Reference, state: State, law: Law, delta: Array, dt: float, speed: Array
 ) -> None:
@@ -131,7 +135,7 @@ def _advance(
     reference.position[:], reference.rotation[:], reference.joints[:] = position, rotation, joints
 
 
-@compiled
+@_inlined
 def _turn(speed: Array, dt: float, out: Array) -> bool:
     """`out` (3, 3) = how `speed` (13,) turns the reference in `dt` seconds; whether it does."""
     rate = np.sqrt(speed[3] * speed[3] + speed[4] * speed[4] + speed[5] * speed[5])
@@ -140,7 +144,7 @@ def _turn(speed: Array, dt: float, out: Array) -> bool:
     return rate > 0.0
 
 
-@compiled
+@_inlined
 def _glide(reference: Reference, speed: Array, dt: float, turning: bool, turn: Array, old: Array) -> None:
     """Let the reference move with `speed` (13,) for `dt` seconds; `turn` is that of `_turn`, `old` (3, 3) scratch."""
     for i in range(3):
@@ -154,7 +158,7 @@ def _glide(reference: Reference, speed: Array, dt: float, turning: bool, turn: A
         arm_ik.matmul(turn, old, reference.rotation)
 
 
-@compiled
+@_inlined
 def _grip(reference: Reference, robot: Robot, state: State, law: Law, closing: float, dt: float) -> None:
     """Bring the fingers together by `closing` m/s; the command leads the target by what damping and friction take.
 
@@ -185,30 +189,24 @@ def _grip(reference: Reference, robot: Robot, state: State, law: Law, closing: f
     state.ctrl[robot.servos[0]], state.ctrl[robot.servos[1]] = command, -command
 
 
-@compiled
+@_inlined
 def _load(robot: Robot, state: State, work: Work) -> None:
     """Copy the arm's part of MuJoCo's sparse joint inertia and of the Jacobian to `work`."""
     for a in range(N_JOINTS):
-        dof = robot.dofs[a]
-        address, j = robot.inertia_address[dof], dof
-        while j >= 0:
-            for b in range(a + 1):
-                if robot.dofs[b] == j:
-                    work.inertia[a, b] = work.inertia[b, a] = state.inertia[address]
-            address += 1
-            j = robot.parent[j]
+        for b in range(N_JOINTS):
+            work.inertia[a, b] = state.inertia[robot.inertia[a, b]]
         for r in range(3):
-            work.jacobian[a, r] = state.jacobian[0, r, dof]
-            work.jacobian[a, 3 + r] = state.jacobian[1, r, dof]
+            work.jacobian[a, r] = state.jacobian[0, r, robot.dofs[a]]
+            work.jacobian[a, 3 + r] = state.jacobian[1, r, robot.dofs[a]]
 
 
-@compiled
+@_inlined
 def _arm(reference: Reference, robot: Robot, state: State, law: Law, speed: Array, work: Work) -> None:
     """The motors' torques: robosuite's operational space control with fixed gains.
 
     Torque = J^T F + bias + null space; F = Lambda (kp error - kd (velocity - the reference's velocity)), and likewise
     in the null space. That velocity, `speed` (13,), is ours; for a reference at rest the law is robosuite's. With the
-    Cholesky factor C of the inertia, Lambda^-1 = J M^-1 J^T is Y^T Y, where Y = C^-1 J^T.
+    inertia M = L D L^T, Lambda^-1 = J M^-1 J^T is Y^T D^-1 Y, where Y = L^-1 J^T.
     """
     m, c, jt, y, mobility = work.inertia, work.factor, work.jacobian, work.half, work.mobility
     force, wrench, p = work.force, work.wrench, work.pull
@@ -216,16 +214,23 @@ def _arm(reference: Reference, robot: Robot, state: State, law: Law, speed: Arra
     hand, goal = state.matrix, reference.rotation
     for r in range(3):
         i, k = (r + 1) % 3, (r + 2) % 3
-        error, linear, angular = 0.0, -speed[r], -speed[3 + r]
+        error = 0.0
         for a in range(3):  # half the sum of the cross products of the axes
             error += 0.5 * (hand[3 * i + a] * goal[k, a] - hand[3 * k + a] * goal[i, a])
-        for a in range(N_JOINTS):
-            linear += jt[a, r] * state.qvel[robot.dofs[a]]
-            angular += jt[a, 3 + r] * state.qvel[robot.dofs[a]]
-        force[r] = law.kp[r] * (reference.position[r] - state.position[r]) - law.kd[r] * linear
-        force[3 + r] = law.kp[3 + r] * error - law.kd[3 + r] * angular
+        force[r], force[3 + r] = reference.position[r] - state.position[r], error
+    for r in range(6):
+        wrench[r] = -speed[r]
     for a in range(N_JOINTS):
-        for b in range(a + 1):
+        v = state.qvel[robot.dofs[a]]
+        for r in range(6):
+            wrench[r] += jt[a, r] * v
+    for r in range(6):
+        force[r] = law.kp[r] * force[r] - law.kd[r] * wrench[r]
+        wrench[r] = 0.0
+        for k in range(6):
+            mobility[r, k] = 0.0
+    for a in range(N_JOINTS):
+        for b in range(N_JOINTS):
             c[a, b] = m[a, b]
     _factor(c, N_JOINTS)
     for a in range(N_JOINTS):
@@ -235,15 +240,9 @@ def _arm(reference: Reference, robot: Robot, state: State, law: Law, speed: Arra
             for r in range(6):
                 y[a, r] -= c[a, b] * y[b, r]
         for r in range(6):
-            y[a, r] *= c[a, a]
-    for r in range(6):
-        for s in range(r + 1):
-            total = 0.0
-            for a in range(N_JOINTS):
-                total += y[a, r] * y[a, s]
-            mobility[r, s] = mobility[s, r] = total
-    for r in range(6):
-        wrench[r] = 0.0
+            scaled = y[a, r] * c[a, a]
+            for k in range(r + 1):
+                mobility[r, k] += scaled * y[a, k]
     if law.uncoupled:  # each half has its own Lambda
         small = work.small
         for half in (0, 3):
@@ -259,12 +258,14 @@ def _arm(reference: Reference, robot: Robot, state: State, law: Law, speed: Arra
             force[r] -= jt[a, r] * p[a]  # what the pull of the null space would do to the hand
     _factor(mobility, 6)
     _solve(mobility, 6, force)
+    for r in range(6):
+        wrench[r] += force[r]
     for a in range(N_JOINTS):
         torque = state.bias[robot.dofs[a]]
         for b in range(N_JOINTS):
             torque += m[a, b] * p[b]
         for r in range(6):
-            torque += jt[a, r] * (wrench[r] + force[r])
+            torque += jt[a, r] * wrench[r]
         motor = robot.motors[a]
         state.ctrl[motor] = min(max(torque, robot.ctrl_range[motor, 0]), robot.ctrl_range[motor, 1])
 

@@ -24,8 +24,7 @@ class Robot(NamedTuple):
     finger_dofs: Indices  # (2,) in qvel
     servos: Indices  # (2,) in ctrl
     site: int  # the end effector
-    inertia_address: Indices  # (nv,) of each row in the sparse inertia
-    parent: Indices  # (nv,) of each dof
+    inertia: Indices  # (7, 7) where in MuJoCo's sparse inertia the arm's is
     ctrl_range: Array  # (nu, 2)
     finger_damping: float  # N s/m of a finger's joint
     finger_friction: float  # N

@@ -119,18 +119,25 @@ def robot_addresses(model: mujoco.MjModel) -> structs.Robot:
     def actuators(names: tuple[str, ...]) -> Indices:
         return np.array([model.actuator(name).id for name in names])
 
+    def inertia(dof: int, other: int) -> int:
+        """Where M[dof, other] is in MuJoCo's sparse inertia: a row goes from its dof to its ancestors."""
+        address = int(model.dof_Madr[dof])
+        while dof != other:
+            dof, address = int(model.dof_parentid[dof]), address + 1
+        return address
+
+    dofs = gather("dofadr", panda.ARM_JOINTS)
     finger_dofs, servos = gather("dofadr", panda.FINGER_JOINTS), actuators(panda.FINGER_SERVOS)
     return structs.Robot(
         base=np.zeros(0, dtype=np.int64),
         joints=gather("qposadr", panda.ARM_JOINTS),
-        dofs=gather("dofadr", panda.ARM_JOINTS),
+        dofs=dofs,
         motors=actuators(panda.ARM_MOTORS),
         fingers=gather("qposadr", panda.FINGER_JOINTS),
         finger_dofs=finger_dofs,
         servos=servos,
         site=model.site(panda.EEF_SITE).id,
-        inertia_address=model.dof_Madr.astype(np.int64),
-        parent=model.dof_parentid.astype(np.int64),
+        inertia=np.array([[inertia(max(a, b), min(a, b)) for b in dofs] for a in dofs]),
         ctrl_range=model.actuator_ctrlrange.copy(),
         finger_damping=float(model.dof_damping[finger_dofs[0]]),
         finger_friction=float(model.dof_frictionloss[finger_dofs[0]]),
