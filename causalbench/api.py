@@ -67,7 +67,7 @@ def train(
     observes what `env` does. With the file `checkpoint`, a call that was killed goes on there when it is repeated.
     Raises as `core.learners.training.train`, and `UserError` unless `make_env` made `env`.
     """
-    task, make_scene, observe_gripper = _parts(env)
+    task, make_scene, observed = _parts(env)
     chosen = installed().method(method)
     settings = settings or PRESETS[chosen.learner]["quick"]
     evaluations: list[Evaluation] = []
@@ -76,7 +76,7 @@ def train(
         make_scene,
         chosen,
         graph,
-        dataclasses.replace(settings, observe_gripper=observe_gripper),
+        dataclasses.replace(settings, **observed),
         evaluation,
         env_steps,
         seed,
@@ -87,8 +87,8 @@ def train(
     return Trained(policy, evaluations, counts)
 
 
-def _parts(env: gym.Env[Any, Any]) -> tuple[Task, Callable[[], Scene], bool]:
+def _parts(env: gym.Env[Any, Any]) -> tuple[Task, Callable[[], Scene], dict[str, Any]]:
     inner = env.unwrapped
     if not isinstance(inner, StageTaskEnv) or inner.make_scene is None:
         raise UserError(f"{env}: expected an environment from causalbench.make_env or gymnasium.make")
-    return inner.task, inner.make_scene, inner.observe_gripper
+    return inner.task, inner.make_scene, {"observe_gripper": inner.observe_gripper, "observation": inner.observe}

@@ -191,6 +191,20 @@ def leaderboard(
 
 
 @app.command()
+def play(
+    run: Annotated[Path, typer.Argument(help="Run folder.")],
+    only: Only = None,
+    episodes: Annotated[int, typer.Option(min=1, help="Episodes of each policy.")] = 1,
+) -> None:
+    """Film trained policies of a run: videos/*.mp4 in its folder."""
+    from causalbench.run.play import play
+    from causalbench.store.cells import RunFolder
+
+    for path in play(RunFolder(run), only or (), episodes):
+        typer.echo(path)
+
+
+@app.command()
 def backends() -> None:
     """List simulators, and plugins that could not be loaded."""
     from causalbench.plugins import installed

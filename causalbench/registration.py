@@ -11,7 +11,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from causalbench.core.env import StageTaskEnv
+    from causalbench.core.env import Observe, StageTaskEnv
 
 
 def register_envs() -> None:
@@ -67,9 +67,12 @@ def make_env(
     backend: str = "kinematic",
     render_mode: str | None = None,
     observe_gripper: bool = True,
+    observe: Observe = "state",
     **backend_options: Any,
 ) -> StageTaskEnv:
     """A task in one new scene of a backend; `backend_options` go to the backend's `make`.
+
+    `observe="paper"` adds what the paper's agents see beside the state, see `core.env.Observer`.
 
     Raises `UnknownNameError` for a task or backend that does not exist, `BackendLoadError` for one that lacks its
     simulator and `UserError` for one that cannot run the task.
@@ -80,6 +83,6 @@ def make_env(
     plugins = installed()
     chosen = plugins.task(task)
     make_scene = scene_maker(plugins.backend(backend), chosen, backend_options)
-    env = StageTaskEnv(chosen, make_scene(), render_mode, observe_gripper)
+    env = StageTaskEnv(chosen, make_scene(), render_mode, observe_gripper, observe)
     env.make_scene = make_scene
     return env

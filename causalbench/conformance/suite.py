@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from causalbench.conformance.bench import Bench
-from causalbench.conformance.checks import contact, drive, facts, life, motion, repeat, reset, solve, spec
+from causalbench.conformance.checks import contact, drive, facts, life, motion, repeat, reset, rgb, solve, spec
 from causalbench.core.scene import SceneSpec
 from causalbench.errors import UnknownNameError, UserError
 from causalbench.hookspecs import Backend
@@ -104,6 +104,7 @@ CHECKS = (
     Check(drive.s45_base_collision, MOBILE),
     Check(drive.s46_snapshot_drive, MOBILE),
     Check(drive.s47_mobile_expert, (*MOBILE, *ARM)),
+    Check(rgb.s48_picture, ("rgb",)),
 )
 """The contract, in the order of its numbers."""
 

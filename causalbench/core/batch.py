@@ -38,6 +38,10 @@ class BatchScene(ABC):
         """Ranges (n, 220), see `Scene.lidar`."""
         raise CausalbenchError(f"backend {self.spec.backend!r} has no capability 'lidar'")
 
+    def render(self, width: int, height: int, camera: str = "scene") -> NDArray[np.uint8]:
+        """RGB images (n, height, width, 3), see `Scene.render`."""
+        raise CausalbenchError(f"backend {self.spec.backend!r} has no capability 'rgb'")
+
     @abstractmethod
     def snapshots(self) -> list[bytes]:
         """`Scene.snapshot` of every world."""
@@ -74,6 +78,9 @@ class SceneList(BatchScene):
         for scene, snapshot in zip(self.scenes, snapshots, strict=True):
             scene.restore(snapshot)
 
+    def render(self, width: int, height: int, camera: str = "scene") -> NDArray[np.uint8]:
+        return np.stack([scene.render(width, height, camera) for scene in self.scenes])
+
     def lidar(self) -> Array:
         return np.stack([scene.lidar() for scene in self.scenes])
 
@@ -106,6 +113,6 @@ def stack(facts: Sequence[Facts]) -> Facts:
     return Facts(**{name: np.stack([getattr(f, name) for f in facts]) for name in _FIELDS})
 
 
-def select(facts: Facts, index: int | NDArray[np.int64]) -> Facts:
+def select(facts: Facts, index: int | tuple[int, ...] | NDArray[np.int64]) -> Facts:
     """One world's facts (int) or those of several (index array)."""
     return Facts(**{name: getattr(facts, name)[index] for name in _FIELDS})

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, Literal
 
 import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
 from causalbench.core.batch import BatchScene, SceneList
+from causalbench.core.cameras import HEIGHT, WIDTH
 from causalbench.core.layout import Layout
 from causalbench.core.lidar import MAX_RANGE, N_RAYS
 from causalbench.core.scene import Facts, Scene, SceneSpec
@@ -21,6 +22,8 @@ MAX_DRAWS = 200
 """Starts that may be refused in a row before a reset gives up."""
 
 Observation = dict[str, Any]
+Observe = Literal["state", "paper"]
+"""What is observed: the state variables, or beside them what the paper's agents see, `Task.sensor`."""
 
 
 def reset_worlds(
@@ -82,10 +85,17 @@ class Observer:
     - `state`: the paper's variables, float32, clipped to the task's bounds;
     - `stage`: stage - 1, for routing;
     - `gripper`: opening in metres, float32 (1,), with `observe_gripper` (the paper has none) in a task that grips;
-    - `lidar`: ranges in metres, float32 (220,), only in a task that requires "lidar".
+    - `lidar`: ranges in metres, float32 (220,), only in a task that requires "lidar";
+    - `rgb`: the picture of the camera "scene", uint8 (48, 64, 3), with `observe="paper"` in a task with that sensor.
     """
 
-    def __init__(self, task: Task, spec: SceneSpec, observe_gripper: bool) -> None:
+    def __init__(self, task: Task, spec: SceneSpec, observe_gripper: bool, observe: Observe = "state") -> None:
+        if observe == "paper" and task.sensor and task.sensor not in spec.capabilities:
+            raise UserError(
+                f"backend {spec.backend!r} has no capability {task.sensor!r}, which the paper's observation of task "
+                f"{task.name!r} needs; `causalbench backends` lists those that have it"
+            )
+        self.sees = observe == "paper" and task.sensor == "rgb"
         low, high = (bound.astype(np.float32) for bound in task.state_bounds(spec.workspace))
         self.scans = "lidar" in task.requires
         observe_gripper = observe_gripper and "grip" in task.actions
@@ -98,6 +108,8 @@ class Observer:
             spaces["gripper"] = gym.spaces.Box(0.0, spec.max_opening, (1,), np.float32)
         if self.scans:
             spaces["lidar"] = gym.spaces.Box(0.0, MAX_RANGE, (N_RAYS,), np.float32)
+        if self.sees:
+            spaces["rgb"] = gym.spaces.Box(0, 255, (HEIGHT, WIDTH, 3), np.uint8)
         self.space = gym.spaces.Dict(spaces)
         # The opening is clipped together with the state, in one array that is the observation's own.
         self._low, self._high = np.append(low, np.float32(0)), np.append(high, np.float32(spec.max_opening))
@@ -114,6 +126,8 @@ class Observer:
             obs["gripper"] = values[..., -1:]
         if self.scans:
             obs["lidar"] = world.lidar().astype(np.float32)
+        if self.sees:
+            obs["rgb"] = world.render(WIDTH, HEIGHT)
         return obs
 
 
@@ -133,15 +147,23 @@ class StageTaskEnv(gym.Env[Observation, NDArray[np.float32]]):
     make_scene: Callable[[], Scene] | None = None
     """Makes another scene like this one's; `make_env` sets it, and `causalbench.train` needs it."""
 
-    def __init__(self, task: Task, scene: Scene, render_mode: str | None = None, observe_gripper: bool = True) -> None:
-        self.task, self.scene, self.render_mode, self.observe_gripper = task, scene, render_mode, observe_gripper
+    def __init__(
+        self,
+        task: Task,
+        scene: Scene,
+        render_mode: str | None = None,
+        observe_gripper: bool = True,
+        observe: Observe = "state",
+    ) -> None:
+        self.task, self.scene, self.render_mode = task, scene, render_mode
+        self.observe_gripper, self.observe = observe_gripper, observe
         self._columns = action_columns(task, scene.spec)
         self._full_action = np.zeros(len(scene.spec.actions))
         self.metadata = self.metadata | {"render_fps": round(1 / scene.spec.control_dt)}
         self.action_names, self.reward_names = task.actions, task.term_names
         self.action_space = gym.spaces.Box(-1.0, 1.0, (len(task.actions),), np.float32)
         self.reward_space = gym.spaces.Box(-np.inf, np.inf, (len(task.terms),), np.float64)
-        self._observer = Observer(task, scene.spec, observe_gripper)
+        self._observer = Observer(task, scene.spec, observe_gripper, observe)
         self.observation_space = self._observer.space
         self._clock = 0
         self._facts: Facts | None = None
@@ -201,8 +223,8 @@ class StageTaskEnv(gym.Env[Observation, NDArray[np.float32]]):
         return obs, float(result.vector_reward.sum()), terminated, truncated, info
 
     def render(self) -> NDArray[np.uint8] | None:
-        """The scene camera's picture, 480 x 360, when `render_mode` is "rgb_array"."""
-        return self.scene.render(480, 360) if self.render_mode == "rgb_array" else None
+        """The picture of the task's camera, 480 x 360, when `render_mode` is "rgb_array"."""
+        return self.scene.render(480, 360, self.task.camera) if self.render_mode == "rgb_array" else None
 
     def close(self) -> None:
         """Close the scene; may be called twice."""

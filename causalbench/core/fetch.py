@@ -39,6 +39,3 @@ ARM_STARTS = tuple(
     for pan in (0.0, -0.5, 0.5)
 )
 """Joint angles (rad) from which a reset looks for its pose, elbow up, in this order."""
-
-CAMERA_EYE, CAMERA_AT, CAMERA_FOV = (1.3, 1.7, 1.35), (0.05, 0.5, 0.72), 45.0  # m, m, vertical degrees
-"""The camera "scene": it sees the hand and the table when the base stands at the origin and faces world y."""

@@ -25,7 +25,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from causalbench.core import rotations
-from causalbench.core.batch import Batchable, BatchScene
+from causalbench.core.batch import Batchable, BatchScene, select
+from causalbench.core.cameras import find_camera
+from causalbench.core.kinematic_picture import draw
 from causalbench.core.layout import Layout, Workspace
 from causalbench.core.scene import ACTION_SPEED, Facts, Scene, SceneSpec, check_action
 from causalbench.core.snapshots import spec_digest
@@ -40,6 +42,7 @@ MAX_OPENING = 0.10  # m
 SQUEEZE = 0.005  # m by which the commanded opening must undercut the box's width for the box to be held
 TABLE_CLEARANCE = 0.005  # m between the table and the lowest hand
 AROUND = (0.05, 0.05, 0.03)  # m, hand frame: the box centre this near lies between the fingers
+TABLE_HALF, TABLE_MIDDLE = (0.3, 0.5), 0.78  # m, of its picture: half extents, middle ahead of the base
 UPRIGHT = 0.3  # rad from straight down within which the fingers can enclose the box
 
 WORKSPACE = Workspace(
@@ -62,7 +65,7 @@ SPEC = SceneSpec(
     max_opening=MAX_OPENING,
     control_dt=CONTROL_DT,
     timestep=CONTROL_DT,
-    capabilities=frozenset({"exact_restore"}),
+    capabilities=frozenset({"exact_restore", "rgb"}),
 )
 STEP = np.array(SPEC.action_speed) * CONTROL_DT
 SNAPSHOT_HEADER = spec_digest(SPEC)
@@ -175,6 +178,21 @@ class KinematicWorlds:
             collision_self=no.copy(),
         )
 
+    def pictures(self, width: int, height: int, camera: str) -> NDArray[np.uint8]:
+        """RGB images (*shape, height, width, 3). The table, which is everywhere, is drawn as large as the task's."""
+        facts, out = self.facts(), np.empty((*self.shape, height, width, 3), np.uint8)
+        for index in np.ndindex(self.shape):
+            out[index] = self._picture(index, select(facts, index), width, height, camera)
+        return out
+
+    def _picture(self, index: tuple[int, ...], facts: Facts, width: int, height: int, camera: str) -> NDArray[np.uint8]:
+        state = self.state[index]
+        x, y, yaw = state[BASE_POSE]
+        turn, half = rotations.from_axis_angle(2, yaw), np.array([*TABLE_HALF, state[TABLE_TOP] / 2])
+        middle = np.array([x, y, 0.0]) + rotations.rotate(turn, np.array([TABLE_MIDDLE, 0.0, half[2]]))
+        table = np.concatenate([half, middle, turn])[None]
+        return draw(facts, table, state[BOX_HALF], False, width, height, find_camera(SPEC, camera))
+
 
 def _turn(half: Array) -> Array:
     """Rx Ry Rz as one quaternion (..., 4), from half angles (3, ...) in radians."""
@@ -205,6 +223,9 @@ class KinematicBatch(BatchScene):
     def facts(self) -> Facts:
         return self._worlds.facts()
 
+    def render(self, width: int, height: int, camera: str = "scene") -> NDArray[np.uint8]:
+        return self._worlds.pictures(width, height, camera)
+
     def snapshots(self) -> list[bytes]:
         return [_pack(row) for row in self._worlds.state]
 
@@ -233,6 +254,9 @@ class KinematicScene(Scene, Batchable):
 
     def facts(self) -> Facts:
         return self._world.facts()
+
+    def render(self, width: int, height: int, camera: str = "scene") -> NDArray[np.uint8]:
+        return self._world.pictures(width, height, camera)
 
     def snapshot(self) -> bytes:
         return _pack(self._world.state)

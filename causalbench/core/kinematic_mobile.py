@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from causalbench.core import driving, lidar, rotations
 from causalbench.core.batch import Batchable, BatchScene
 from causalbench.core.broadcast import broadcast
+from causalbench.core.cameras import find_camera
 from causalbench.core.fetch import CARRY, LIDAR_POSITION  # the same rooms and scans as Fetch's
 from causalbench.core.kinematic import (
     BASE_POSE,
@@ -35,6 +36,7 @@ from causalbench.core.kinematic import (
     KinematicWorlds,
     reach_limit,
 )
+from causalbench.core.kinematic_picture import draw
 from causalbench.core.layout import Layout
 from causalbench.core.scene import Facts, Scene, check_action
 from causalbench.core.snapshots import spec_digest
@@ -150,6 +152,11 @@ class MobileWorlds(KinematicWorlds):
             collision_base=self.base[..., BASE_HIT] > 0,
         )
 
+    def _picture(self, index: tuple[int, ...], facts: Facts, width: int, height: int, camera: str) -> NDArray[np.uint8]:
+        boxes = self.boxes[index]
+        fixtures = boxes[boxes[:, 3] < NOWHERE[3]]
+        return draw(facts, fixtures, self.state[index][BOX_HALF], True, width, height, find_camera(MOBILE_SPEC, camera))
+
     def lidar(self) -> Array:
         """Ranges (*shape, 220) in metres."""
         return lidar.scan(self.boxes, lidar.scanner_pose(self.state[..., BASE_POSE], LIDAR_POSITION))
@@ -210,6 +217,9 @@ class MobileKinematicBatch(BatchScene):
     def facts(self) -> Facts:
         return self._worlds.facts()
 
+    def render(self, width: int, height: int, camera: str = "scene") -> NDArray[np.uint8]:
+        return self._worlds.pictures(width, height, camera)
+
     def lidar(self) -> Array:
         return self._worlds.lidar()
 
@@ -242,6 +252,9 @@ class MobileKinematicScene(Scene, Batchable):
 
     def facts(self) -> Facts:
         return self._world.facts()
+
+    def render(self, width: int, height: int, camera: str = "scene") -> NDArray[np.uint8]:
+        return self._world.pictures(width, height, camera)
 
     def lidar(self) -> Array:
         return self._world.lidar()

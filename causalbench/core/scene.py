@@ -125,7 +125,12 @@ class Scene(ABC):
         """
 
     def render(self, width: int, height: int, camera: str = "scene") -> NDArray[np.uint8]:
-        """RGB image (height, width, 3); needs the capability "rgb"."""
+        """RGB image (height, width, 3), the caller's own; needs the capability "rgb".
+
+        `cameras.find_camera` knows where the camera stands. Drawing changes nothing in the world, and nothing that
+        draws is imported before the first picture. Raises `UnknownNameError` for a camera that does not exist and
+        `CausalbenchError` where what draws is missing on this machine.
+        """
         raise CausalbenchError(f"backend {self.spec.backend!r} has no capability 'rgb'")
 
     def lidar(self) -> Array:

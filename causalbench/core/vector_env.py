@@ -11,7 +11,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from causalbench.core.batch import BatchScene
-from causalbench.core.env import Observation, Observer, action_columns, reset_worlds
+from causalbench.core.env import Observation, Observe, Observer, action_columns, reset_worlds
 from causalbench.core.scene import Facts, check_action
 from causalbench.core.tasks.stages import judge
 from causalbench.core.tasks.task import Task
@@ -27,10 +27,10 @@ class StageTaskVectorEnv(gym.vector.VectorEnv[Observation, NDArray[Any], NDArray
 
     metadata = {"autoreset_mode": gym.vector.AutoresetMode.SAME_STEP}  # noqa: RUF012 - as in Gymnasium
 
-    def __init__(self, task: Task, batch: BatchScene, observe_gripper: bool = True) -> None:
+    def __init__(self, task: Task, batch: BatchScene, observe_gripper: bool = True, observe: Observe = "state") -> None:
         self.task, self.batch, self.num_envs = task, batch, batch.n
         self._columns = action_columns(task, batch.spec)
-        self._observer = Observer(task, batch.spec, observe_gripper)
+        self._observer = Observer(task, batch.spec, observe_gripper, observe)
         self.single_observation_space = self._observer.space
         self.single_action_space = gym.spaces.Box(-1.0, 1.0, (len(task.actions),), np.float32)
         self.observation_space = batch_space(self.single_observation_space, batch.n)

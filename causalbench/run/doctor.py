@@ -90,8 +90,8 @@ def _backend(plugins: Plugins, name: str) -> Iterator[Finding]:
 def _advice(what: str) -> str:
     if what == "renders":
         return (
-            "only pictures and videos need this; without a display install OpenGL's software renderer "
-            "(Debian: apt-get install libegl1 libgl1-mesa-dri) and set MUJOCO_GL=egl"
+            "only pictures, videos and the observation rgb need this: install OpenGL's software renderer "
+            "(Debian: apt-get install libegl1 libopengl0 libgl1-mesa-dri)"
         )
     return "see the message; `pip install -r requirements.lock` restores versions that work together"
 

@@ -1,7 +1,8 @@
 """The samples of a causal discovery as files that numpy reads alone: one .npz a set, in a folder `data`.
 
 `np.load("stage1-random.npz")` gives `states`, `actions`, `rewards` (n rows each), their column names `state_names`,
-`action_names`, `reward_names`, `sequence` (n,), and `about`: JSON with units, seed and all that determines the samples.
+`action_names`, `reward_names`, `sequence` (n,), and `about`: JSON with units, seed and all that determines the samples;
+with `observation: paper` also `frames` (n, size), images as rows of 48 x 64 x 3 or LiDAR scans in metres.
 As a table: `pd.DataFrame(d["states"], columns=d["state_names"])`. Nothing in them is ever unpickled.
 """
 
@@ -46,7 +47,9 @@ class SampleFolder:
         kept = content.pop("about")
         if kept["request"] != about:
             return None
-        return Samples(**content, env_steps=kept["env_steps"], refused=kept["refused"])
+        frames = content.pop("frames", None)
+        seen = {"sensor": kept["sensor"], "frames": (frames,)} if frames is not None else {}
+        return Samples(**content, env_steps=kept["env_steps"], refused=kept["refused"], **seen)
 
     def save(self, about: About, samples: Samples, task: Task) -> None:
         """See `SampleStore`."""
@@ -58,11 +61,14 @@ class SampleFolder:
             "reward_names": np.array(task.stage_terms(about["stage"], discoverable_only=True)),
             "about": np.array(
                 json.dumps(
-                    {"request": about, "units": UNITS, "env_steps": samples.env_steps, "refused": samples.refused},
+                    {"request": about, "units": UNITS, "env_steps": samples.env_steps, "refused": samples.refused}
+                    | ({"sensor": samples.sensor} if samples.sensor else {}),
                     sort_keys=True,
                 )
             ),
         }
+        if samples.frames:
+            arrays["frames"] = np.concatenate(samples.frames)
         write_bytes(self._file(about), _npz(arrays))
 
     def origin(self) -> tuple[Origin, About]:
@@ -85,7 +91,8 @@ class SampleFolder:
 
 def _read(path: Path) -> dict[str, Any]:
     with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
-        return {name: file[name] for name in ARRAYS} | {"about": json.loads(str(file["about"]))}
+        names = [name for name in (*ARRAYS, "frames") if name in file or name in ARRAYS]
+        return {name: file[name] for name in names} | {"about": json.loads(str(file["about"]))}
 
 
 def _npz(arrays: Mapping[str, np.ndarray[Any, Any]]) -> bytes:
@@ -93,6 +100,9 @@ def _npz(arrays: Mapping[str, np.ndarray[Any, Any]]) -> bytes:
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w") as archive:
         for name, array in arrays.items():
-            with archive.open(zipfile.ZipInfo(f"{name}.npy"), "w") as member:
+            info = zipfile.ZipInfo(f"{name}.npy")
+            if name == "frames":  # of which a tenth is left
+                info.compress_type = zipfile.ZIP_DEFLATED
+            with archive.open(info, "w") as member:
                 np.lib.format.write_array(member, array, allow_pickle=False)  # type: ignore[no-untyped-call]
     return buffer.getvalue()

@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 from conformance import hasty
+from numpy.typing import NDArray
 
 from causalbench.core import lidar
 from causalbench.core.kinematic import BASE_POSE, BOX, BOX_HALF, COMMAND, HAND, SPEC, TABLE_HIT, KinematicScene
@@ -487,6 +488,14 @@ class Stalls(AlteredMobile):
         super().step(action)
 
 
+class OldPicture(Altered):
+    """Shows what the first picture showed."""
+
+    def render(self, width: int, height: int, camera: str = "scene") -> NDArray[np.uint8]:
+        self.drawn = getattr(self, "drawn", {})
+        return self.drawn.setdefault((width, height), super().render(width, height, camera)).copy()
+
+
 def backend(make: Any, spec: SceneSpec = SPEC, modules: tuple[str, ...] = ()) -> Backend:
     capabilities = getattr(make, "changes", {}).get("capabilities", spec.capabilities)
     return Backend(spec.backend, make, spec.engine, spec.robot, modules, capabilities)
@@ -540,6 +549,7 @@ BROKEN = {
     "S45": backend(NoBaseCollision, MOBILE_SPEC),
     "S46": backend(LosesBaseContact, MOBILE_SPEC),
     "S47": backend(Stalls, MOBILE_SPEC),
+    "S48": backend(OldPicture),
 }
 MOBILE_NUMBERS = {"S16", *(f"S{i}" for i in range(40, 48))}
 INTACT = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import inspect
 import subprocess
@@ -12,9 +13,10 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env as gymnasium_check
 
-from causalbench.core.env import VectorReward
+from causalbench.core.env import StageTaskEnv, VectorReward
+from causalbench.core.kinematic import KinematicScene
 from causalbench.core.tasks.pure_manipulation import TASK
-from causalbench.errors import CausalbenchError, InvalidActionError
+from causalbench.errors import CausalbenchError, InvalidActionError, UserError
 
 STILL = np.zeros(7, dtype=np.float32)
 
@@ -111,6 +113,30 @@ def test_the_gripper_can_be_left_out_of_the_observation(make_pure):
     obs, _ = env.reset(seed=0)
     assert set(obs) == {"state", "stage"}
     assert env.observation_space.contains(obs)
+
+
+@pytest.mark.filterwarnings("ignore:.*alternative render modes|.*spec")
+def test_the_papers_observation_passes_other_peoples_checkers(make_pure):
+    from stable_baselines3.common.env_checker import check_env
+
+    env = make_pure(observe="paper", observe_gripper=False)
+    assert env.observation_space["rgb"] == gym.spaces.Box(0, 255, (48, 64, 3), np.uint8)
+    assert set(env.observation_space.spaces) == {"state", "stage", "rgb"}
+    check_env(env)
+    gymnasium_check(env)
+    obs, _ = env.reset(seed=0)
+    first = obs["rgb"].copy()
+    assert np.array_equal(first, env.scene.render(64, 48))
+    for _ in range(5):
+        obs, *_ = env.step(np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0]))
+    assert not np.array_equal(first, obs["rgb"])
+
+
+def test_a_scene_without_pictures_is_refused_the_papers_observation():
+    scene = KinematicScene()
+    scene.spec = dataclasses.replace(scene.spec, capabilities=scene.spec.capabilities - {"rgb"})
+    with pytest.raises(UserError, match="no capability 'rgb'"):
+        StageTaskEnv(TASK, scene, observe="paper")
 
 
 def test_info_and_observation_of_an_episode(env):

@@ -44,6 +44,14 @@ def test_native_batch_equals_a_list_of_scenes(make_vector):
         np.testing.assert_array_equal(a[3], b[3])
 
 
+def test_pictures_of_several_worlds_are_those_of_each(make_scene):
+    batches = make_batch(make_scene, 2), SceneList([make_scene() for _ in range(2)])
+    native, listed = (StageTaskVectorEnv(TASK, batch, observe="paper").reset(seed=4)[0]["rgb"] for batch in batches)
+    assert native.shape == (2, 48, 64, 3)
+    assert np.array_equal(native, listed)
+    assert not np.array_equal(native[0], native[1])
+
+
 def test_worlds_equal_single_environments_until_they_end(make_vector, make_pure):
     vector, singles = make_vector(), [make_pure() for _ in range(N)]
     obs, infos = vector.reset(seed=4)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from causalbench.core.batch import BatchScene
+from causalbench.core.cameras import HEIGHT, WIDTH
 from causalbench.core.env import action_columns, reset_worlds
 from causalbench.core.scene import Facts
 from causalbench.core.tasks.stages import judge
@@ -30,6 +31,8 @@ class Samples:
     sequence: NDArray[np.int32]  # (n,) number of the uninterrupted sequence that each step belongs to
     env_steps: int  # taken to collect them
     refused: int = 0  # steps left out since a state or a reward was not finite
+    sensor: str = ""  # what was observed beside the state, see `encoder.SENSORS`
+    frames: tuple[NDArray[Any], ...] = ()  # blocks (m, size) of what the sensor said before each step, n in all
 
     def __len__(self) -> int:
         return len(self.states)
@@ -45,9 +48,9 @@ class Samples:
         columns = ((self.states, other.states), (self.actions, other.actions), (self.rewards, other.rewards))
         states, actions, rewards = (np.concatenate(pair) for pair in columns)
         sequence = np.concatenate([self.sequence, other.sequence + self.sequence[-1] + 1])
-        return Samples(
-            states, actions, rewards, sequence, self.env_steps + other.env_steps, self.refused + other.refused
-        )
+        steps, refused = self.env_steps + other.env_steps, self.refused + other.refused
+        # Frames are large, and D_random is joined with every D_do: blocks are not copied.
+        return Samples(states, actions, rewards, sequence, steps, refused, self.sensor, self.frames + other.frames)
 
     def first(self, count: int) -> Samples:
         """The first `count` samples, with the share of the steps that they took."""
@@ -55,9 +58,23 @@ class Samples:
             return self
         rows = slice(count)
         steps = math.ceil(self.env_steps * count / len(self))
+        kept, frames = count, []
+        for block in self.frames:
+            frames.append(block[:kept])
+            kept -= len(frames[-1])
         return Samples(
-            self.states[rows], self.actions[rows], self.rewards[rows], self.sequence[rows], steps, self.refused
-        )
+            self.states[rows], self.actions[rows], self.rewards[rows], self.sequence[rows], steps, self.refused,
+            self.sensor, tuple(frames),
+        )  # fmt: skip
+
+    def frames_of(self, rows: NDArray[np.int64]) -> NDArray[Any]:
+        """What the sensor said before the steps `rows` (m,): (m, size)."""
+        ends = np.cumsum([len(block) for block in self.frames])
+        out = np.empty((len(rows), self.frames[0].shape[1]), self.frames[0].dtype)
+        for block, end in zip(self.frames, ends, strict=True):
+            inside = (rows < end) & (rows >= end - len(block))
+            out[inside] = block[rows[inside] - (end - len(block))]
+        return out
 
     def term_scale(self) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """(deviation (n_terms,), testable (n_terms,)): a term that never varies cannot be tested; its scale is 1."""
@@ -67,7 +84,7 @@ class Samples:
 
     def digest(self) -> str:
         """SHA-256 of the raw data, hex."""
-        parts = (self.states, self.actions, self.rewards, self.sequence)
+        parts = (self.states, self.actions, self.rewards, self.sequence, *self.frames)
         return hashlib.sha256(b"".join(np.ascontiguousarray(a).tobytes() for a in parts)).hexdigest()
 
 
@@ -103,13 +120,14 @@ def collect(
     sequence_length: int,
     n_placebos: int,
     on_step: Callable[[int], None],
+    sensor: str = "",
 ) -> Samples:
     """`count` transitions under uniform random actions and placebos, action `do` (if any) held at 0.
 
     A step that leaves the stage is kept with the old stage's reward, which is a function of (s, a); then the
     world is reset into the stage. Dropping it would select samples by a consequence of the action. A sequence
     also ends after `sequence_length` steps, whatever `count` and the number of worlds, so that more data does not
-    mean other states. `on_step(n)` is told of every n env steps taken.
+    mean other states. `on_step(n)` is told of every n env steps taken. `sensor` is kept, too.
 
     A step whose state or reward is not finite is left out and ends its sequence; after twice the planned number of
     steps there are fewer samples. Raises `LayoutDrawError` where the stage cannot be entered.
@@ -135,21 +153,30 @@ def collect(
         if do is not None:
             actions[:, do] = 0.0
         full[:, columns] = actions[:, :n_actions]
+        frames = sense(batch, sensor)
         batch.step(full)
         now = batch.facts()
         result = judge(task, inside, before, actions[:, :n_actions], now)
         rewards = result.vector_reward[:, terms].astype(np.float32)
         states = model_inputs(task, before)
         sound = np.isfinite(rewards).all(1) & np.isfinite(states).all(1) & np.isfinite(model_inputs(task, now)).all(1)
-        chunks.append(tuple(column[sound] for column in (states, actions.astype(np.float32), rewards, sequence)))
+        columns_now = (states, actions.astype(np.float32), rewards, sequence, frames)
+        chunks.append(tuple(column[sound] for column in columns_now))
         collected += int(sound.sum())
         steps += batch.n
         on_step(batch.n)
         length += 1
         over = (result.next_stage != stage) | result.success | (length >= sequence_length) | ~sound
         before = now
-    states, acts, rewards, sequences = (np.concatenate(column)[:count] for column in zip(*chunks, strict=True))
-    return Samples(states, acts, rewards, sequences, steps, steps - collected)
+    states, acts, rewards, sequences, seen = (np.concatenate(column)[:count] for column in zip(*chunks, strict=True))
+    return Samples(states, acts, rewards, sequences, steps, steps - collected, sensor, (seen,) if sensor else ())
+
+
+def sense(batch: BatchScene, sensor: str) -> NDArray[Any]:
+    """(n, size) what `sensor` says in every world; size 0 without one."""
+    if sensor == "rgb":
+        return batch.render(WIDTH, HEIGHT).reshape(batch.n, -1)
+    return batch.lidar().astype(np.float32) if sensor == "lidar" else np.empty((batch.n, 0), np.uint8)
 
 
 def model_inputs(task: Task, facts: Facts) -> Floats:

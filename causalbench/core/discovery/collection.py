@@ -118,6 +118,7 @@ class Recipe:
             "n_placebos": self.settings.n_placebos,
             "inference_fraction": self.settings.inference_fraction,
             "worlds": N_WORLDS,
+            **({"observation": "paper"} if self.settings.observation == "paper" else {}),
         }
 
     def kept(self, stream: Stream) -> Samples | None:
@@ -128,7 +129,10 @@ class Recipe:
         """Collect `stream` and keep it."""
         rng = np.random.default_rng([self.seed, stream.stage, stream.number])
         length, placebos = self.settings.sequence_length, self.settings.n_placebos
-        samples = collect(self.task, batch, stream.stage, stream.count, stream.do, rng, length, placebos, on_step)
+        sensor = self.task.sensor if self.settings.observation == "paper" else ""
+        samples = collect(
+            self.task, batch, stream.stage, stream.count, stream.do, rng, length, placebos, on_step, sensor
+        )
         if self.store:
             self.store.save(self.about(stream), samples, self.task)
         return samples

@@ -2,7 +2,8 @@
 
 p(r_j | s, a) = Normal(mu, sigma) through F(128)-F(128)-F(128)-(F(1), F(1)), loss the negative log likelihood
 (paper, Training Reward Prediction Models and appendix). The pairs are independent: their weights stand side by
-side in one batched matrix product and the loss is the sum over pairs.
+side in one batched matrix product and the loss is the sum over pairs. Samples with frames go through the paper's
+convolutions first, which every pair has of its own, too.
 """
 
 from __future__ import annotations
@@ -19,10 +20,13 @@ from torch import Tensor
 
 from causalbench.core.discovery.collect import Samples
 from causalbench.core.discovery.settings import DiscoverySettings
+from causalbench.core.encoder import Encoder, device_for
 
 HIDDEN = (128, 128, 128)
 HELD_OUT = 0.1  # share of the training data on which early stopping judges
 LOG_SIGMA_MAX = 4.0
+NO_SENSOR = Encoder()
+FRAMES_AT_ONCE = 256  # samples of which all pairs see the frames at a time, for memory
 
 
 @dataclass(frozen=True)
@@ -38,14 +42,20 @@ class RewardModels:
     n_terms: int
     log_sigma_min: float
     epochs: int
+    encoder: Encoder = NO_SENSOR
 
     def predict(self, samples: Samples, k: int) -> tuple[Tensor, Tensor]:
         """Mean and log sigma (n_terms, n) of action k's models, in deviations of the term."""
         rows = slice(k * self.n_terms, (k + 1) * self.n_terms)
         inputs = (_inputs(samples) - self.input_mean) / self.input_scale
+        weights, out = [w[rows] for w in self.weights], []
+        size = FRAMES_AT_ONCE if self.encoder.sensor else len(samples)
         with torch.no_grad():
-            out = _forward([w[rows] for w in self.weights], inputs.expand(self.n_terms, -1, -1))
-        return out[..., 0], out[..., 1].clamp(self.log_sigma_min, LOG_SIGMA_MAX)
+            for part in torch.split(torch.arange(len(samples)), size):
+                x = _with_frames(inputs[part], samples, part).to(weights[0].device)
+                out.append(_forward(*self.encoder(weights, x.expand(self.n_terms, -1, -1))).cpu())
+        both = torch.cat(out, 1)
+        return both[..., 0], both[..., 1].clamp(self.log_sigma_min, LOG_SIGMA_MAX)
 
 
 def train_reward_models(
@@ -81,11 +91,15 @@ def fit_reward_models(
     targets = torch.stack([torch.from_numpy(scaled_rewards(samples, reference)) for samples in data])  # (K, N, J)
     targets = targets.permute(0, 2, 1).reshape(n_actions * n_terms, -1, 1)
 
-    weights = _initial_weights(n_actions * n_terms, inputs.shape[2], generator)
+    encoder, device = Encoder(reference.sensor), device_for(reference.sensor)
+    n_pairs, n_seen = n_actions * n_terms, inputs.shape[2] + encoder.n_features
+    weights = encoder.initial_weights(generator, n_pairs) + _initial_weights(n_pairs, n_seen, generator)
+    weights, targets = [w.to(device) for w in weights], targets.to(device)
     for w in weights:
         w.grad = torch.empty_like(w)
-    best_weights = [w.clone() for w in weights]
-    best_loss = torch.full((n_actions * n_terms,), math.inf)
+        w.requires_grad_(bool(encoder.sensor))  # convolutions are left to autograd
+    best_weights = [w.detach().clone() for w in weights]
+    best_loss = torch.full((n_pairs,), math.inf, device=device)
     optimizer = torch.optim.Adam(weights, settings.learning_rate, fused=True)
     order = torch.randperm(inputs.shape[1], generator=generator)
     n_held_out = round(HELD_OUT * len(order)) if settings.patience else 0
@@ -93,13 +107,29 @@ def fit_reward_models(
     log_sigma_min = math.log(settings.sigma_train)
 
     def batch(rows: Tensor) -> Tensor:
-        return inputs.index_select(1, rows).repeat_interleave(n_terms, 0)
+        x = inputs.index_select(1, rows)
+        if encoder.sensor:
+            x = torch.stack([_with_frames(x[k], samples, rows) for k, samples in enumerate(data)]).to(device)
+        return x.repeat_interleave(n_terms, 0)
+
+    def loss(rows: Tensor) -> Tensor:
+        out = _forward(*encoder(weights, batch(rows)))
+        return _negative_log_likelihood(out, targets[:, rows], log_sigma_min)
+
+    def held_out_loss() -> Tensor:
+        parts = torch.split(held_out, FRAMES_AT_ONCE if encoder.sensor else len(held_out))
+        return torch.stack([loss(rows) * (len(rows) / len(held_out)) for rows in parts]).sum(0)
 
     space: dict[int, list[Tensor]] = {}  # by batch size
     stale = epoch = 0
     for epoch in range(1, settings.max_epochs + 1):
         shuffled = train[torch.randperm(len(train), generator=generator)]
         for rows in torch.split(shuffled, settings.batch_size):
+            if encoder.sensor:
+                for w, gradient in zip(weights, torch.autograd.grad(loss(rows).sum(), weights), strict=True):
+                    w.grad = gradient
+                optimizer.step()
+                continue
             if len(rows) not in space:
                 space[len(rows)] = [torch.empty(n_actions * n_terms, len(rows), width) for width in HIDDEN * 2]
             _set_gradients(weights, batch(rows), targets.index_select(1, rows), log_sigma_min, space[len(rows)])
@@ -108,7 +138,7 @@ def fit_reward_models(
         if not settings.patience:
             continue
         with torch.no_grad():
-            now = _negative_log_likelihood(_forward(weights, batch(held_out)), targets[:, held_out], log_sigma_min)
+            now = held_out_loss()
             better = now < best_loss
             best_loss = torch.where(better, now, best_loss)
             for kept, w in zip(best_weights, weights, strict=True):
@@ -116,7 +146,8 @@ def fit_reward_models(
         stale = 0 if better.float().mean() > 0.2 else stale + 1
         if stale >= settings.patience:
             break
-    return RewardModels(best_weights if settings.patience else weights, mean, scale, n_terms, log_sigma_min, epoch)
+    kept_weights = best_weights if settings.patience else [w.detach() for w in weights]
+    return RewardModels(kept_weights, mean, scale, n_terms, log_sigma_min, epoch, encoder)
 
 
 def scaled_rewards(samples: Samples, reference: Samples) -> NDArray[np.float32]:
@@ -126,6 +157,13 @@ def scaled_rewards(samples: Samples, reference: Samples) -> NDArray[np.float32]:
 
 def _inputs(samples: Samples) -> Tensor:
     return torch.from_numpy(np.concatenate([samples.states, samples.actions], axis=1))
+
+
+def _with_frames(inputs: Tensor, samples: Samples, rows: Tensor) -> Tensor:
+    """`inputs` (m, d) of the samples `rows` with their frames beside them, as `Encoder` takes them."""
+    if not samples.frames:
+        return inputs
+    return torch.cat([inputs, torch.from_numpy(samples.frames_of(rows.numpy())).float()], 1)
 
 
 def _initial_weights(pairs: int, n_inputs: int, generator: torch.Generator) -> list[Tensor]:

@@ -31,6 +31,7 @@ class DiscoverySettings:
     epsilon_direct: float = 0.01
     n_placebos: int = 8  # action dimensions that no scene sees, probed like actions; 0 is the literal reading
     placebo_sets: int = 5  # data sets, with models of their own, in each of which every placebo is probed
+    observation: Literal["state", "paper"] = "state"  # "paper": reward models see the image or the LiDAR, too
     select: Selection = "paper"  # Algorithm 2 with the gate below, or the placebos' distribution alone
     fdr: float = 0.05  # share of wrong edges among the selected ones that `select: fdr` allows
     oracle_states: int = 0  # visited states per stage by which an oracle grades and scores the graph; 0: no oracle

@@ -37,7 +37,7 @@ def save_checkpoint(path: Path, state: State, identity: Mapping[str, Any]) -> No
     values: dict[str, Any] = {}
     for name, value in state.items():
         if isinstance(value, Tensor | np.ndarray):
-            arrays[name] = np.asarray(value, order="C")
+            arrays[name] = np.asarray(value.cpu() if isinstance(value, Tensor) else value, order="C")
         else:
             values[name] = value
     header = {"schema": SCHEMA, "identity": identity, "values": values}

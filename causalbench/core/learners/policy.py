@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from safetensors.torch import load_file, save_file
 from torch import Tensor
 
+from causalbench.core.encoder import Encoder
 from causalbench.core.learners.gaussian_networks import gaussian_actor_forward
 from causalbench.core.learners.networks import actor_forward, squashed_sample
 from causalbench.errors import UserError
@@ -26,23 +27,35 @@ Distribution = Literal["squashed", "gaussian"]
 
 @dataclass(frozen=True)
 class ObservationScale:
-    """Declared bounds to [-1, 1]: `state` (n_state,) low and high, gripper opening [0, max] where it is observed."""
+    """Declared bounds to [-1, 1]: `state` (n_state,) low and high, gripper opening [0, max] where it is observed.
+
+    `sensor` is what is observed beside them, as it is: `Encoder` scales it. "" for nothing.
+    """
 
     low: tuple[float, ...]
     high: tuple[float, ...]
+    sensor: str = ""
 
     @classmethod
-    def of(cls, space: Any) -> ObservationScale:
+    def of(cls, space: Any, sensor: str = "") -> ObservationScale:
         """From a `StageTaskEnv` observation space."""
         parts = [space["state"]] + ([space["gripper"]] if "gripper" in space.spaces else [])
         low, high = (np.concatenate([getattr(part, side) for part in parts]) for side in ("low", "high"))
-        return cls(tuple(map(float, low)), tuple(map(float, high)))
+        return cls(tuple(map(float, low)), tuple(map(float, high)), sensor)
+
+    @property
+    def n_inputs(self) -> int:
+        """How many numbers the networks take."""
+        return len(self.low) + Encoder(self.sensor).n_sensed
 
     def __call__(self, obs: dict[str, Any]) -> Tensor:
-        """(n, n_obs) float32 network input; `obs` in batches. The networks do not read `stage`."""
+        """(n, n_inputs) float32 network input; `obs` in batches. The networks do not read `stage`."""
         parts = [obs["state"], obs["gripper"]] if len(self.low) > obs["state"].shape[-1] else [obs["state"]]
         low, high = np.array(self.low, dtype=np.float32), np.array(self.high, dtype=np.float32)
-        return torch.from_numpy((np.concatenate(parts, axis=-1) - low) * (2 / (high - low)) - 1)
+        scaled = torch.from_numpy((np.concatenate(parts, axis=-1) - low) * (2 / (high - low)) - 1)
+        if not self.sensor:
+            return scaled
+        return torch.cat([scaled, torch.from_numpy(obs[self.sensor]).reshape(len(scaled), -1).float()], 1)
 
 
 class StagedPolicy:
@@ -58,7 +71,7 @@ class StagedPolicy:
         seed: int = 0,
     ) -> None:
         self.actors, self.actions, self.n_actions, self.scale = list(actors), list(actions), n_actions, scale
-        self.distribution = distribution
+        self.distribution, self.encoder = distribution, Encoder(scale.sensor)
         self.generator = torch.Generator().manual_seed(seed)
 
     def predict(
@@ -84,7 +97,7 @@ class StagedPolicy:
     @torch.no_grad()
     def _act(self, actor: list[Tensor], obs: Tensor, deterministic: bool) -> Tensor:
         forward = actor_forward if self.distribution == "squashed" else gaussian_actor_forward
-        mean, log_std = forward(actor, obs)
+        mean, log_std = (x.cpu() for x in forward(*self.encoder(actor, obs.to(actor[0].device))))
         noise = torch.zeros_like(mean) if deterministic else torch.randn(mean.shape, generator=self.generator)
         if self.distribution == "squashed":
             return squashed_sample(mean, log_std, noise)[0]
@@ -95,7 +108,7 @@ class StagedPolicy:
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
         tensors = {  # clones, since the file has no place for stages that share an actor
-            f"stage{i}.{k}": w.detach().clone(memory_format=torch.contiguous_format)
+            f"stage{i}.{k}": w.detach().cpu().clone(memory_format=torch.contiguous_format)
             for i, actor in enumerate(self.actors, 1)
             for k, w in enumerate(actor)
         }
@@ -107,6 +120,7 @@ class StagedPolicy:
             "actions": [a.tolist() for a in self.actions],
             "low": self.scale.low,
             "high": self.scale.high,
+            "sensor": self.scale.sensor,
         }
         (folder / "policy.json").write_text(json.dumps(meta, indent=1))
 
@@ -127,5 +141,5 @@ def load_policy(folder: Path | str) -> StagedPolicy:
         count = sum(name.startswith(prefix) for name in tensors)
         actors.append([tensors[f"{prefix}{k}"] for k in range(count)])
     actions = [np.array(a, dtype=np.int64) for a in meta["actions"]]
-    scale = ObservationScale(tuple(meta["low"]), tuple(meta["high"]))
+    scale = ObservationScale(tuple(meta["low"]), tuple(meta["high"]), meta.get("sensor", ""))
     return StagedPolicy(actors, actions, meta["n_actions"], scale, meta["distribution"])

@@ -14,12 +14,13 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
+from causalbench.core.encoder import Encoder
 from causalbench.core.learners.causal_gradient import StagePlan
 from causalbench.core.learners.gaussian_networks import gaussian_log_prob, init_gaussian_actor, init_values
 from causalbench.core.learners.learner import State, below, load_optimizer, optimizer_state, prefixed
 from causalbench.core.learners.rollout import Steps, gae
+from causalbench.core.learners.seeing_mlp import network
 from causalbench.core.learners.settings import PPOSettings
-from causalbench.core.learners.stacked_mlp import StackedMLP
 from causalbench.errors import DivergedError
 
 ADAM_EPSILON = 1e-5  # as in SB3
@@ -42,15 +43,19 @@ class Samples(NamedTuple):
 class PPOAgent:
     """The agent A_i of one stage: policy, value heads and the samples that its policy has not learned from."""
 
-    def __init__(self, plan: StagePlan, n_obs: int, settings: PPOSettings, seed: int) -> None:
+    def __init__(self, plan: StagePlan, n_obs: int, settings: PPOSettings, seed: int, sensor: str = "") -> None:
         self.plan, self.settings = plan, settings
         self.generator = torch.Generator().manual_seed(seed)
         n_actions, n_critics = plan.mask.shape
         arch = settings.net_arch
-        *mean, self.log_std = init_gaussian_actor(n_obs, arch, n_actions, settings.log_std_init, self.generator)
+        encoder = Encoder(sensor)  # one before the mean, one before the values
+        n_seen, kernels = encoder.n_seen(n_obs), encoder.initial_weights(self.generator)
+        *mean, self.log_std = init_gaussian_actor(n_seen, arch, n_actions, settings.log_std_init, self.generator)
         self.log_std.grad = torch.zeros(n_actions)
-        self.mean = StackedMLP([w[None] for w in mean], "tanh")
-        self.values = StackedMLP([w[None] for w in init_values(n_obs, arch, n_critics, self.generator)], "tanh")
+        self.mean = network(encoder, [w[None] for w in (*kernels, *mean)], n_obs, "tanh")
+        kernels = encoder.initial_weights(self.generator)
+        values = init_values(n_seen, arch, n_critics, self.generator)
+        self.values = network(encoder, [w[None] for w in (*kernels, *values)], n_obs, "tanh")
         self.weights = [self.mean.flat, self.log_std, self.values.flat]
         self.optimizer = torch.optim.Adam(self.weights, settings.learning_rate, eps=ADAM_EPSILON, fused=True)
         self.mask = torch.from_numpy(plan.mask).to(self.log_std.dtype).T.contiguous()  # (n_critics, n_actions)

@@ -13,7 +13,9 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
+from causalbench.core.encoder import Encoder
 from causalbench.core.learners.causal_gradient import StagePlan
+from causalbench.core.learners.frames import FrameBuffer
 from causalbench.core.learners.learner import State, below, load_optimizer, optimizer_state, prefixed
 from causalbench.core.learners.networks import (
     LOG_STD_MAX,
@@ -25,8 +27,8 @@ from causalbench.core.learners.networks import (
     squashed_sample,
 )
 from causalbench.core.learners.replay import Batch, StageBuffer
+from causalbench.core.learners.seeing_mlp import Network, network
 from causalbench.core.learners.settings import SACSettings
-from causalbench.core.learners.stacked_mlp import StackedMLP
 from causalbench.errors import DivergedError
 
 SCALE_DECAY = 0.99  # of the running mean |Q| that cSAC normalises by
@@ -51,17 +53,20 @@ class Drawn(NamedTuple):
 class SACAgent:
     """The agent A_i of one stage: policy, critics, temperature and buffer."""
 
-    def __init__(self, plan: StagePlan, n_obs: int, settings: SACSettings, seed: int) -> None:
+    def __init__(self, plan: StagePlan, n_obs: int, settings: SACSettings, seed: int, sensor: str = "") -> None:
         self.plan, self.settings, self.n_obs = plan, settings, n_obs
+        self.encoder = encoder = Encoder(sensor)  # one before the actor, one before all critics
         self.generator = torch.Generator().manual_seed(seed)
         n_actions, n_critics = plan.mask.shape
         n_nets, n_heads = (1, n_critics) if settings.critics == "heads" else (n_critics, 1)
         arch, lr = settings.net_arch, settings.learning_rate
-        actor = init_actor(n_obs, arch, n_actions, self.generator)
-        self.actor = StackedMLP([w[None] for w in actor], "relu")
+        n_seen, kernels = encoder.n_seen(n_obs), encoder.initial_weights(self.generator)
+        actor = [*kernels, *init_actor(n_seen, arch, n_actions, self.generator)]
+        self.actor = network(encoder, [w[None] for w in actor], n_obs, "relu")
         # Twins of net i are nets i and i + n_nets.
-        critics = init_critics(2 * n_nets, n_obs + n_actions, arch, n_heads, self.generator)
-        self.critics, self.targets = StackedMLP(critics, "relu"), StackedMLP(critics, "relu")
+        critics = [w[None] for w in encoder.initial_weights(self.generator)]
+        critics += init_critics(2 * n_nets, n_seen + n_actions, arch, n_heads, self.generator)
+        self.critics, self.targets = (network(encoder, critics, n_obs, "relu") for _ in range(2))
         self.log_alpha = torch.tensor([math.log(settings.ent_coef_init)])
         self.log_alpha.grad = torch.zeros(1)
         self.actor_optimizer = torch.optim.Adam([self.actor.flat, self.log_alpha], lr, fused=True)
@@ -69,7 +74,8 @@ class SACAgent:
         self.target_entropy = -float(n_actions)
         self.mask = torch.from_numpy(plan.mask).to(self.actor.flat.dtype).T.contiguous()  # (n_critics, n_actions)
         self.entropy = torch.from_numpy(plan.entropy).float()[:, None]  # (n_critics, 1)
-        self.buffer = StageBuffer(settings.buffer_size, n_obs, n_actions, n_critics)
+        room = settings.buffer_size, n_obs, n_actions, n_critics
+        self.buffer = FrameBuffer(*room, encoder.sensor) if encoder.sensor else StageBuffer(*room)
         self.own_scale = self.next_scale = 1.0  # running mean |Q| of both critics on this stage's states (cSAC)
         self.updates = 0
 
@@ -80,7 +86,7 @@ class SACAgent:
 
     def act(self, obs: Tensor, deterministic: bool) -> Tensor:
         """Actions (n, n_actions) in [-1, 1] of the agent's own dimensions; `obs` (n, n_obs)."""
-        mean, log_std = actor_forward(self.policy_weights, obs)
+        mean, log_std = actor_forward(*self.encoder(self.policy_weights, obs))
         if deterministic:
             return torch.tanh(mean)
         return squashed_sample(mean, log_std, self._noise(mean.shape))[0]
@@ -215,7 +221,7 @@ class SACAgent:
         for name, optimizer in self._optimizers():
             load_optimizer(optimizer, below(name, state))
 
-    def _parts(self) -> tuple[tuple[str, StackedMLP | StageBuffer], ...]:
+    def _parts(self) -> tuple[tuple[str, Network | StageBuffer], ...]:
         return ("actor", self.actor), ("critics", self.critics), ("targets", self.targets), ("buffer", self.buffer)
 
     def _optimizers(self) -> tuple[tuple[str, torch.optim.Optimizer], ...]:

@@ -25,6 +25,7 @@ class SACSettings:
     critics: Literal["rows", "heads", "terms"] = "rows"  # a critic per distinct matrix row (heads: of one net) or term
     n_envs: int = 1  # scenes stepped by one learner
     observe_gripper: bool = True  # ours; the paper's observation has no gripper opening
+    observation: Literal["state", "paper"] = "state"  # "paper": image or LiDAR, too, through the paper's convolutions
 
 
 @dataclass(frozen=True)
@@ -48,6 +49,7 @@ class PPOSettings:
     critics: Literal["rows", "terms"] = "rows"  # one value head per distinct matrix row, or per reward term
     n_envs: int = 1  # scenes stepped by one learner
     observe_gripper: bool = True  # ours; the paper's observation has no gripper opening
+    observation: Literal["state", "paper"] = "state"  # "paper": image or LiDAR, too, through the paper's convolutions
 
 
 LearnerSettings = SACSettings | PPOSettings

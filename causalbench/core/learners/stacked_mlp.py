@@ -41,10 +41,10 @@ class StackedMLP:
         layers.append(torch.baddbmm(bias.unsqueeze(2), kernel.mT, layers[-1].mT).mT)
         return layers
 
-    def backward(self, layers: list[Tensor], gradient: Tensor) -> None:
+    def backward(self, layers: list[Tensor], gradient: Tensor) -> Tensor:
         """Put into `gradients` those of an objective whose `gradient` by the outputs (count, batch, n) is given.
 
-        `layers` are what `forward` gave.
+        `layers` are what `forward` gave. Gives the gradient by what the first kernel and bias yield.
         """
         for k in reversed(range(len(layers) - 1)):
             kernel_gradient, bias_gradient = self.gradients[2 * k : 2 * k + 2]
@@ -55,6 +55,7 @@ class StackedMLP:
                 torch.bmm(layers[k].mT, gradient, out=kernel_gradient)
             if k:
                 gradient = self._through(_product(gradient, self.weights[2 * k].mT), layers[k])
+        return gradient
 
     def input_gradient(self, layers: list[Tensor], net: int, rows: Tensor, outputs: Tensor, first: int) -> Tensor:
         """Gradient (n, n_inputs - first) of single outputs of MLP `net` by its inputs from `first` on.

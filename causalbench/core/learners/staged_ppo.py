@@ -36,8 +36,10 @@ class StagedPPO:
         self.task, self.scale = task, scale
         self.plans = [stage_plan(task, method, graph, i, settings.critics) for i in range(1, task.n_stages + 1)]
         seeds = np.random.SeedSequence(seed).generate_state(task.n_stages + 1)
-        n_obs, n_actions = len(scale.low), len(task.actions)
-        self.agents = [PPOAgent(plan, n_obs, settings, int(s)) for plan, s in zip(self.plans, seeds, strict=False)]
+        n_obs, n_actions = scale.n_inputs, len(task.actions)
+        self.agents = [
+            PPOAgent(plan, n_obs, settings, int(s), scale.sensor) for plan, s in zip(self.plans, seeds, strict=False)
+        ]
         n_steps = max(1, settings.n_steps // settings.n_envs)
         self.rollout = Rollout(n_steps, settings.n_envs, n_obs, n_actions, len(task.terms))
         self.policy = StagedPolicy(

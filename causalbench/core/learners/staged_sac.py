@@ -37,7 +37,8 @@ class StagedSAC:
         self.plans = [stage_plan(task, method, graph, i, settings.critics) for i in range(1, task.n_stages + 1)]
         seeds = np.random.SeedSequence(seed).generate_state(task.n_stages + 2)
         self.agents = [
-            SACAgent(plan, len(scale.low), settings, int(s)) for plan, s in zip(self.plans, seeds, strict=False)
+            SACAgent(plan, scale.n_inputs, settings, int(s), scale.sensor)
+            for plan, s in zip(self.plans, seeds, strict=False)
         ]
         self.rng = np.random.default_rng(int(seeds[-1]))
         self.policy = StagedPolicy(

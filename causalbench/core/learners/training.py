@@ -13,6 +13,7 @@ import torch
 import causalbench
 from causalbench.core.batch import make_batch
 from causalbench.core.discovery.graph import CausalGraph
+from causalbench.core.encoder import sensor_of
 from causalbench.core.env import StageTaskEnv
 from causalbench.core.learners.checkpoint import Checkpoints, load_checkpoint, save_checkpoint
 from causalbench.core.learners.counting import Counter
@@ -66,8 +67,11 @@ def train(
     if not isinstance(settings, expected):
         raise UserError(f"method {method.name!r} takes {expected.__name__}, got {type(settings).__name__}")
     graph = training_graph(task, method, graph, make_scene, seed)
-    env = StageTaskVectorEnv(task, make_batch(make_scene, settings.n_envs), settings.observe_gripper)
-    judge_env = StageTaskEnv(task, make_scene(), observe_gripper=settings.observe_gripper)
+    if method.stock and settings.observation == "paper":
+        raise UserError(f"method {method.name!r} reads the state alone: it cannot have `observation: paper`")
+    gripper, observe = settings.observe_gripper, settings.observation
+    env = StageTaskVectorEnv(task, make_batch(make_scene, settings.n_envs), gripper, observe)
+    judge_env = StageTaskEnv(task, make_scene(), observe_gripper=gripper, observe=observe)
     try:
         if method.stock:
             from causalbench.core.learners.stock import train_stock  # SB3 takes a second to import
@@ -75,7 +79,7 @@ def train(
             if checkpoints:
                 LOG.info("stable-baselines3's own agents keep no checkpoints")
             return train_stock(env, judge_env, settings, evaluation, env_steps, seed, on_evaluation, on_progress)
-        scale = ObservationScale.of(env.single_observation_space)
+        scale = ObservationScale.of(env.single_observation_space, sensor_of(task, settings.observation))
         learner = LEARNERS[method.learner](task, method, graph, scale, settings, seed)
         counter = Counter(task.n_stages, env.num_envs)
         obs, _ = env.reset(seed=seed)

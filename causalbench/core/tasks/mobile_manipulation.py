@@ -276,4 +276,5 @@ TASK = Task(
     success=success,
     expert=expert,
     requires=frozenset({"mobile_base", "lidar"}),
+    sensor="lidar",
 )

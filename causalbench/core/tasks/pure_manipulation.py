@@ -299,4 +299,5 @@ TASK = Task(
     rewards=rewards,
     success=success,
     expert=expert,
+    sensor="rgb",
 )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,7 +69,8 @@ class Task:
       U(previous) are 0; call it through `stages.judge`, which computes each stage once;
     - `expert`: see `Expert`;
     - `requires`: scene capabilities without which the task cannot run. A task that requires "mobile_base" gets scenes
-      that were made with `mobile=True`; what it requires of "lidar" becomes part of the observation.
+      that were made with `mobile=True`; what it requires of "lidar" becomes part of the observation;
+    - `sensor`: what the paper's agents observe beside the state, a capability of the scene; "" for nothing.
     """
 
     name: str
@@ -90,11 +91,17 @@ class Task:
     rewards: Callable[[Facts, NDArray[np.int64], Array, Facts, NDArray[np.int64]], Array]
     expert: Expert
     requires: frozenset[str] = frozenset()
+    sensor: Literal["", "rgb", "lidar"] = ""
 
     @property
     def term_names(self) -> tuple[str, ...]:
         """Names of the reward terms in vector order."""
         return tuple(term.name for term in self.terms)
+
+    @property
+    def camera(self) -> str:
+        """The camera that shows people what happens, one of `cameras.find_camera`."""
+        return "room" if "mobile_base" in self.requires else "scene"
 
     def stage_terms(self, stage: int, discoverable_only: bool = False) -> tuple[str, ...]:
         """Names of the terms of `stage` (1-based) in vector order."""

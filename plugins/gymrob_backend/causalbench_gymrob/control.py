@@ -9,12 +9,12 @@ import zlib
 from collections.abc import Callable
 from pathlib import Path
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from causalbench.core import arm_ik
 from causalbench.core.compiled import compiled, external
+from causalbench_gymrob.engine import mujoco
 from causalbench_gymrob.model import FINGER_RANGE
 
 Array = NDArray[np.float64]

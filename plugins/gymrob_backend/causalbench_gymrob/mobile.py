@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,6 +10,7 @@ from causalbench.core.fetch import BASE_FORCE, CARRY, LIDAR_POSITION
 from causalbench.core.layout import Box, Layout
 from causalbench.core.scene import check_action
 from causalbench.core.snapshots import SnapshotCodec
+from causalbench_gymrob.engine import mujoco
 from causalbench_gymrob.model import ALL_BITS
 from causalbench_gymrob.scene import GymrobScene
 from causalbench_gymrob.world import World

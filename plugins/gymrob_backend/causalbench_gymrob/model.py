@@ -8,11 +8,11 @@ from __future__ import annotations
 from importlib.util import find_spec
 from pathlib import Path
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from causalbench.core import arm_ik, fetch, readings
+from causalbench_gymrob.engine import mujoco
 
 ARM_JOINTS = tuple(f"robot0:{name}_joint" for name in fetch.JOINTS)
 FINGERS = ("robot0:l_gripper_finger_link", "robot0:r_gripper_finger_link")
@@ -151,16 +151,6 @@ def _furnish(spec: mujoco.MjSpec, n_fixtures: int) -> None:
     box = spec.geom(OBJECT)
     box.friction, box.condim, box.contype, box.conaffinity = [1.0, 0.02, 0.001], 4, ALL_BITS, ALL_BITS
     box.material, box.rgba = "", [0.85, 0.2, 0.1, 1.0]
-    _add_camera(spec)
-
-
-def _add_camera(spec: mujoco.MjSpec) -> None:
-    """The camera "scene"."""
-    eye, at = np.array(fetch.CAMERA_EYE), np.array(fetch.CAMERA_AT)
-    forward = (at - eye) / np.linalg.norm(at - eye)
-    right = np.cross(forward, [0.0, 0.0, 1.0])
-    right /= np.linalg.norm(right)
-    spec.worldbody.add_camera(name="scene", pos=eye, xyaxes=[*right, *np.cross(right, forward)], fovy=fetch.CAMERA_FOV)
 
 
 def geom_classes(model: mujoco.MjModel) -> NDArray[np.int64]:

@@ -5,17 +5,18 @@ from __future__ import annotations
 import math
 from importlib import metadata
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from causalbench.core import arm_ik, readings, stepping
+from causalbench.core.cameras import find_camera
 from causalbench.core.fetch import ACTIONS, ARM_STARTS, FINGER_STROKE, WORKSPACE
 from causalbench.core.layout import Layout
 from causalbench.core.scene import ACTION_SPEED, Facts, Scene, SceneSpec, check_action
 from causalbench.core.snapshots import SnapshotCodec
 from causalbench.errors import CausalbenchError
 from causalbench_gymrob import __version__, control
+from causalbench_gymrob.engine import mujoco
 from causalbench_gymrob.world import World
 
 Array = NDArray[np.float64]
@@ -50,7 +51,6 @@ class GymrobScene(Scene):
         self._layout: Layout | None = None
         self._memory = np.zeros(2)  # what MuJoCo's state does not hold
         self._pad_forces = self._memory[:2]
-        self._renderer: mujoco.Renderer | None = None
 
     def reset(self, layout: Layout) -> None:
         """Put the world into `layout`, at rest.
@@ -125,14 +125,10 @@ class GymrobScene(Scene):
         self._memory[:] = state[: len(self._memory)]
 
     def render(self, width: int, height: int, camera: str = "scene") -> NDArray[np.uint8]:
-        """RGB image (height, width, 3) of the camera "scene" or of one of Fetch's own, such as "head_camera_rgb"."""
-        if self._renderer is None or (self._renderer.height, self._renderer.width) != (height, width):
-            self._close_renderer()
-            visual = self._world.model.vis.global_
-            visual.offwidth, visual.offheight = max(visual.offwidth, width), max(visual.offheight, height)
-            self._renderer = mujoco.Renderer(self._world.model, height, width)
-        self._renderer.update_scene(self._world.data, camera)
-        return np.asarray(self._renderer.render(), dtype=np.uint8)
+        """RGB image (height, width, 3), see `Scene.render`."""
+        from causalbench_gymrob.picture import draw  # which needs OpenGL
+
+        return draw(self.model, self.data, width, height, find_camera(self.spec, camera))
 
     @property
     def model(self) -> mujoco.MjModel:
@@ -144,19 +140,9 @@ class GymrobScene(Scene):
         """The simulator's data, for measurements; a layout with another number of fixtures replaces it."""
         return self._world.data
 
-    def close(self) -> None:
-        """Release the renderer; may be called twice."""
-        self._close_renderer()
-
-    def _close_renderer(self) -> None:
-        if self._renderer is not None:
-            self._renderer.close()
-            self._renderer = None
-
     def _enter(self, layout: Layout) -> None:
         """Give the world the boxes of `layout`; another number of fixtures needs another model."""
         if len(layout.fixtures) != len(self._world.fixtures):
-            self._close_renderer()
             self._world = self.world_type(self.spec.timestep, len(layout.fixtures))
         self._world.furnish(layout.fixtures, layout.target, layout.target_mass)
         self._layout = layout

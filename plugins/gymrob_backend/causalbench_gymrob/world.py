@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from causalbench.core.layout import Box
 from causalbench_gymrob import model as fetch
+from causalbench_gymrob.engine import mujoco
 
 Array = NDArray[np.float64]
 

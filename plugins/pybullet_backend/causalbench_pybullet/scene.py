@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from causalbench.core import arm_ik, fetch, stepping
+from causalbench.core.cameras import find_camera
 from causalbench.core.layout import Layout
 from causalbench.core.scene import ACTION_SPEED, Facts, Scene, SceneSpec, check_action
 from causalbench.core.snapshots import SnapshotCodec
@@ -144,10 +145,8 @@ class PybulletScene(Scene):
         world.aim(self.motor_targets())
 
     def render(self, width: int, height: int, camera: str = "scene") -> NDArray[np.uint8]:
-        """RGB image (height, width, 3) of the camera "scene", the only one."""
-        if camera != "scene":
-            raise UserError(f"backend 'pybullet' has no camera {camera!r}; its only one is 'scene'")
-        return self.world.picture(width, height)
+        """RGB image (height, width, 3), see `Scene.render`."""
+        return self.world.picture(width, height, find_camera(self.spec, camera))
 
     def close(self) -> None:
         """Free the simulator's world; may be called twice."""

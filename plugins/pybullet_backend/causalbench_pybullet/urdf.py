@@ -11,11 +11,14 @@ from collections.abc import Iterator
 from itertools import combinations
 from pathlib import Path
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from causalbench.core import fetch
+from causalbench.core.importing import variable_by_default
+
+with variable_by_default("MUJOCO_GL", "disable"):  # it needs no window system
+    import mujoco
 
 Array = NDArray[np.float64]
 

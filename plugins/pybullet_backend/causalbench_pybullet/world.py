@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from causalbench.core import fetch
+from causalbench.core.cameras import FOV, Camera
 from causalbench.core.layout import Box, Layout
 from causalbench_pybullet.engine import pb
 from causalbench_pybullet.robot import Robot
@@ -29,6 +30,7 @@ GEAR_FORCE, GEAR_ERP = 500.0, 0.5  # of the constraint that keeps the fingers mi
 UNDAMPED = {"linearDamping": 0.0, "angularDamping": 0.0}
 FINGER_JOINTS = ("l_gripper_finger_joint", "r_gripper_finger_joint")
 APART = 50.0  # m
+NEAR, FAR = 0.05, 20.0  # m, of what a picture shows
 BASE = -1  # Bullet's index of a body's first link
 
 
@@ -174,10 +176,10 @@ class World:
             path.write_bytes(state)
             pb.restoreState(fileName=str(path), **self._at)
 
-    def picture(self, width: int, height: int) -> NDArray[np.uint8]:
-        """RGB image (height, width, 3) of the camera "scene", drawn without a graphics card."""
-        view = pb.computeViewMatrix(fetch.CAMERA_EYE, fetch.CAMERA_AT, (0.0, 0.0, 1.0))
-        lens = pb.computeProjectionMatrixFOV(fetch.CAMERA_FOV, width / height, 0.05, 10.0)
+    def picture(self, width: int, height: int, camera: Camera) -> NDArray[np.uint8]:
+        """RGB image (height, width, 3) of what `camera` sees, drawn without a graphics card."""
+        view = pb.computeViewMatrix(camera.eye, camera.at, (0.0, 0.0, 1.0))
+        lens = pb.computeProjectionMatrixFOV(FOV, width / height, NEAR, FAR)
         image = pb.getCameraImage(
             width, height, view, lens, renderer=pb.ER_TINY_RENDERER, flags=pb.ER_NO_SEGMENTATION_MASK, **self._at
         )

@@ -3,12 +3,9 @@ from __future__ import annotations
 import subprocess
 import sys
 
-import numpy as np
 import pytest
 
 import causalbench_pybullet
-from causalbench.core.env import StageTaskEnv
-from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench.errors import BrokenVersionError, CausalbenchError, UserError
 from causalbench.hookspecs import Backend
 from causalbench_pybullet import make, versions
@@ -48,15 +45,3 @@ def test_a_closed_scene_says_so() -> None:
     scene.close()
     with pytest.raises(CausalbenchError, match="closed"):
         scene.facts()
-
-
-def test_there_is_one_camera() -> None:
-    scene = make()
-    StageTaskEnv(TASK, scene).reset(seed=0)
-    picture = scene.render(64, 48)
-    assert picture.shape == (48, 64, 3)
-    assert picture.dtype == np.uint8
-    assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 20
-    with pytest.raises(UserError, match="camera"):
-        scene.render(64, 48, "nowhere")
-    scene.close()

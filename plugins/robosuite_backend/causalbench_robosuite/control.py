@@ -10,13 +10,13 @@ import zlib
 from collections.abc import Callable
 from pathlib import Path
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from causalbench.core import arm_ik
 from causalbench.core.compiled import compiled, external
 from causalbench_robosuite import riding
+from causalbench_robosuite.engine import mujoco
 from causalbench_robosuite.structs import N_JOINTS, Base, Law, Reference, Robot, State, Work
 
 Array = NDArray[np.float64]

@@ -5,7 +5,6 @@ What is changed in the stock model and its base controller stands beside each ed
 
 from __future__ import annotations
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,6 +14,7 @@ from causalbench.core.layout import Box, Carry, Layout, Workspace
 from causalbench.core.scene import check_action
 from causalbench.core.snapshots import SnapshotCodec
 from causalbench_robosuite import model as panda
+from causalbench_robosuite.engine import mujoco
 from causalbench_robosuite.scene import WORKSPACE, RobosuiteScene
 from causalbench_robosuite.world import World
 

@@ -11,11 +11,11 @@ from contextlib import contextmanager
 from functools import cache
 from typing import NamedTuple
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from causalbench.core import arm_ik, readings
+from causalbench_robosuite.engine import mujoco
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -149,16 +149,15 @@ def _furnish(spec: mujoco.MjSpec, n_fixtures: int) -> None:
     )  # fmt: skip
     for geom in spec.geoms:
         geom.group = 0 if geom.group == 0 else 1  # both are drawn
-    _add_camera(spec)
-
-
-def _add_camera(spec: mujoco.MjSpec) -> None:
-    """The camera "scene": it sees the hand and the table when the base stands at the origin and faces world y."""
-    eye, at = np.array([1.3, 1.5, 1.6]), np.array([0.0, 0.4, 0.95])
-    forward = (at - eye) / np.linalg.norm(at - eye)
-    right = np.cross(forward, [0.0, 0.0, 1.0])
-    right /= np.linalg.norm(right)
-    spec.worldbody.add_camera(name="scene", pos=eye, xyaxes=[*right, *np.cross(right, forward)], fovy=45.0)
+        body = geom.parent.name
+        geom.material = ""  # textures cost half of a picture, and collision shapes have signal colours
+        if body.startswith((ROBOT, GRIPPER)):
+            geom.rgba = [0.25, 0.25, 0.28, 1.0] if body.startswith(GRIPPER) else [0.9, 0.9, 0.88, 1.0]
+        elif not geom.name.startswith(("fixture", OBJECT)):
+            floor = geom.type == mujoco.mjtGeom.mjGEOM_PLANE
+            geom.rgba = [0.4, 0.4, 0.4, 1.0] if floor else [0.6, 0.6, 0.65, 1.0]
+            if floor:
+                geom.size = [0.0, 0.0, 0.1]  # drawn as far as one sees; it is without end anyway
 
 
 def geom_classes(model: mujoco.MjModel) -> Indices:

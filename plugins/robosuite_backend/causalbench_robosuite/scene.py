@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from importlib import metadata
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from causalbench.core import arm_ik, readings, stepping
+from causalbench.core.cameras import find_camera
 from causalbench.core.layout import Layout, Workspace
 from causalbench.core.scene import ACTION_SPEED, Facts, Scene, SceneSpec, check_action
 from causalbench.core.snapshots import SnapshotCodec
 from causalbench.errors import CausalbenchError
 from causalbench_robosuite import __version__, control, structs
+from causalbench_robosuite.engine import mujoco
 from causalbench_robosuite.model import FINGER_STROKE, gains
 from causalbench_robosuite.world import World
 
@@ -71,7 +72,6 @@ class RobosuiteScene(Scene):
         self._layout: Layout | None = None
         self._memory = np.zeros(2)  # what the world does not hold
         self._pad_forces = self._memory[:2]
-        self._renderer: mujoco.Renderer | None = None
 
     def reset(self, layout: Layout) -> None:
         """Put the world into `layout`, at rest.
@@ -139,14 +139,10 @@ class RobosuiteScene(Scene):
         self._memory[:] = state[: len(self._memory)]
 
     def render(self, width: int, height: int, camera: str = "scene") -> NDArray[np.uint8]:
-        """RGB image (height, width, 3) of the camera "scene" or of one of robosuite's, such as "agentview"."""
-        if self._renderer is None or (self._renderer.height, self._renderer.width) != (height, width):
-            self._close_renderer()
-            visual = self._world.model.vis.global_
-            visual.offwidth, visual.offheight = max(visual.offwidth, width), max(visual.offheight, height)
-            self._renderer = mujoco.Renderer(self._world.model, height, width)
-        self._renderer.update_scene(self._world.data, camera)
-        return np.asarray(self._renderer.render(), dtype=np.uint8)
+        """RGB image (height, width, 3), see `Scene.render`."""
+        from causalbench_robosuite.picture import draw  # which needs OpenGL
+
+        return draw(self.model, self.data, width, height, find_camera(self.spec, camera))
 
     @property
     def model(self) -> mujoco.MjModel:
@@ -158,19 +154,9 @@ class RobosuiteScene(Scene):
         """The simulator's data, for measurements; a layout with another number of fixtures replaces it."""
         return self._world.data
 
-    def close(self) -> None:
-        """Release the renderer; may be called twice."""
-        self._close_renderer()
-
-    def _close_renderer(self) -> None:
-        if self._renderer is not None:
-            self._renderer.close()
-            self._renderer = None
-
     def _enter(self, layout: Layout) -> None:
         """Give the world the base and the boxes of `layout`; another number of fixtures needs another model."""
         if len(layout.fixtures) != len(self._world.fixtures):
-            self._close_renderer()
             self._world = self.world_type(self.spec.timestep, len(layout.fixtures))
         self._world.furnish(layout.base_pose, layout.fixtures, layout.target, layout.target_mass)
         self._layout = layout

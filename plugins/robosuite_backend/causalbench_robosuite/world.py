@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,6 +9,7 @@ from causalbench.core import rotations
 from causalbench.core.layout import Box
 from causalbench_robosuite import model as panda
 from causalbench_robosuite import structs
+from causalbench_robosuite.engine import mujoco
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

@@ -1,0 +1,109 @@
+"""Films of trained policies: whole task episodes from stage 1, on the starts that evaluations use."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from causalbench.core.env import StageTaskEnv
+from causalbench.core.learners.evaluate import FIRST_SEED
+from causalbench.core.learners.policy import StagedPolicy, load_policy
+from causalbench.errors import UserError
+from causalbench.plugins import installed, scene_maker
+from causalbench.store.cells import RunFolder, StoredCell
+from causalbench.suite.plan import Selection
+
+WIDTH, HEIGHT = 640, 480  # pixels; both are multiples of 16, as the codec wants them
+CAPTION = 24  # pixels
+STILL = 1.0  # s for which the end of an episode stays in view
+
+Frame = NDArray[np.uint8]
+
+
+def play(run: RunFolder, only: Sequence[str], episodes: int) -> Iterator[Path]:
+    """Film `episodes` of every finished policy that `only` keeps; the files, each once it is whole.
+
+    They are `videos/<cell id>.mp4` in the run's folder, at the speed of the world. Raises `UserError` when there is
+    nothing to film or nothing to film it with.
+    """
+    selection = Selection.parse(only)
+    cells = [cell for cell in run.cells() if (cell.folder / "policy").exists() and _kept(cell.identity, selection)]
+    if not cells:
+        raise UserError(f"{run.path}: no finished policy here, or none that --only keeps")
+    (run.path / "videos").mkdir(exist_ok=True)
+    for cell in cells:
+        yield _film(cell, run.path / "videos" / f"{cell.id}.mp4", episodes)
+
+
+def _kept(identity: Mapping[str, Any], selection: Selection) -> bool:
+    found = (
+        (selection.backend, identity["backend"]["name"]),
+        (selection.method, identity["method"]["name"]),
+        (selection.seed, identity["seed"]),
+    )
+    return all(not wanted or value in wanted for wanted, value in found)
+
+
+def _film(cell: StoredCell, path: Path, episodes: int) -> Path:
+    try:
+        import imageio.v2 as imageio
+        import imageio_ffmpeg  # noqa: F401 - imageio's way to mp4
+    except ImportError as error:
+        raise UserError("videos need `pip install causalbench-robotics[video]`") from error
+
+    identity, learner = cell.identity, cell.identity["learner"]
+    task = installed().task(identity["task"]["name"])
+    backend = installed().backend(identity["backend"]["name"])
+    env = StageTaskEnv(
+        task,
+        scene_maker(backend, task, identity["backend"]["options"])(),
+        observe_gripper=learner["observe_gripper"],
+        observe=learner.get("observation", "state"),
+    )
+    temporary = path.with_name(f".{path.stem}.{os.getpid()}.tmp.mp4")
+    title = f"{identity['method']['name']} on {backend.name}, seed {identity['seed']}"
+    try:
+        with imageio.get_writer(temporary, fps=env.metadata["render_fps"], codec="libx264", quality=8) as writer:
+            policy = load_policy(cell.folder / "policy")
+            for episode in range(episodes):
+                for frame in film_episode(policy, env, FIRST_SEED + episode, title):
+                    writer.append_data(frame)  # type: ignore[attr-defined]
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+        env.close()
+    return path
+
+
+def film_episode(policy: StagedPolicy, env: StageTaskEnv, seed: int, title: str) -> Iterator[Frame]:
+    """Pictures (480, 640, 3) of one deterministic episode, with the stage and what happened written on them."""
+    obs, info = env.reset(seed=seed, options={"stage": 1})
+    stage, over, step = info["stage"], False, 0
+    frame = _captioned(env, f"{title}: step 0, stage {stage} of {env.task.n_stages}")
+    yield frame
+    while not over:
+        action, _ = policy.predict(obs)
+        obs, _, terminated, truncated, info = env.step(action)
+        over, step = terminated or truncated, step + 1
+        what = " (fell back)" if info["reversal"] else ""
+        verdict = ", SUCCESS" if terminated else ", out of time" if truncated else ""
+        text = f"{title}: step {step}, stage {info['next_stage']} of {env.task.n_stages}{what}{verdict}"
+        frame = _captioned(env, text)
+        yield frame
+    for _ in range(round(STILL * env.metadata["render_fps"])):
+        yield frame
+
+
+def _captioned(env: StageTaskEnv, text: str) -> Frame:
+    from PIL import Image, ImageDraw, ImageFont
+
+    picture = Image.fromarray(env.scene.render(WIDTH, HEIGHT, env.task.camera))
+    draw = ImageDraw.Draw(picture)
+    draw.rectangle((0, 0, WIDTH, CAPTION), fill=(0, 0, 0))
+    draw.text((6, 4), text, fill=(255, 255, 255), font=ImageFont.load_default(14))
+    return np.array(picture)

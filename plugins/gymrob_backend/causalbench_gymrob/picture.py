@@ -1,0 +1,81 @@
+"""Pictures of a world. The only module that needs OpenGL; it is imported when the first picture is asked for."""
+
+from __future__ import annotations
+
+import atexit
+import importlib
+import os
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from causalbench.core.cameras import FOV, Camera
+from causalbench.errors import CausalbenchError
+from causalbench_gymrob.engine import mujoco
+
+MAX_GEOMS = 1000
+
+
+def draw(model: mujoco.MjModel, data: mujoco.MjData, width: int, height: int, camera: Camera) -> NDArray[np.uint8]:
+    """RGB image (height, width, 3) of what `camera` sees."""
+    key = os.getpid(), model.nmeshvert
+    if key not in _PAINTERS:
+        _PAINTERS[key] = _Painter(model)
+        atexit.register(_PAINTERS[key].close)
+    return _PAINTERS[key].draw(model, data, width, height, camera)
+
+
+_PAINTERS: dict[tuple[int, int], _Painter] = {}
+"""One for each robot: a context takes a second to make. It does not survive a fork, so the process counts, too."""
+
+
+class _Painter:
+    """An OpenGL context that holds the meshes; they are the same in every world, whatever its fixtures."""
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        model.vis.quality.offsamples = 0  # smooth edges would take three times as long without a graphics card
+        try:
+            self._gl = _context_type()(1, 1)
+            self._gl.make_current()
+            self._context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
+        except Exception as error:  # ImportError, AttributeError, FatalError, ...: whatever is missing
+            raise CausalbenchError(
+                f"pictures need OpenGL, which does not work here ({type(error).__name__}: {error}). Without a display: "
+                "apt-get install libegl1 libopengl0 libgl1-mesa-dri"
+            ) from error
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
+        self._scene = mujoco.MjvScene(model, MAX_GEOMS)
+        self._options, self._view = mujoco.MjvOption(), mujoco.MjvCamera()
+        self._options.flags[mujoco.mjtVisFlag.mjVIS_CONVEXHULL] = 1  # 64 vertices a link, as it collides
+        self._options.sitegroup[:] = 0
+        for effect in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
+            self._scene.flags[effect] = 0
+
+    def draw(
+        self, model: mujoco.MjModel, data: mujoco.MjData, width: int, height: int, camera: Camera
+    ) -> NDArray[np.uint8]:
+        self._gl.make_current()
+        if width > self._context.offWidth or height > self._context.offHeight:
+            mujoco.mjr_resizeOffscreen(width, height, self._context)
+        way = np.subtract(camera.at, camera.eye)
+        model.vis.global_.fovy = FOV
+        self._view.lookat, self._view.distance = camera.at, np.linalg.norm(way)
+        self._view.azimuth = np.degrees(np.arctan2(way[1], way[0]))
+        self._view.elevation = np.degrees(np.arctan2(way[2], np.hypot(way[0], way[1])))
+        mujoco.mjv_updateScene(model, data, self._options, None, self._view, mujoco.mjtCatBit.mjCAT_ALL, self._scene)
+        viewport, upside_down = mujoco.MjrRect(0, 0, width, height), np.empty((height, width, 3), np.uint8)
+        mujoco.mjr_render(viewport, self._scene, self._context)
+        mujoco.mjr_readPixels(upside_down, None, viewport, self._context)
+        return upside_down[::-1].copy()
+
+    def close(self) -> None:
+        """Release OpenGL while the interpreter still can."""
+        self._context.free()
+        self._gl.free()
+
+
+def _context_type() -> Any:
+    """MuJoCo's context of the user's choice in MUJOCO_GL, or of EGL, which needs no display."""
+    chosen = os.environ.get("MUJOCO_GL", "").lower()
+    return importlib.import_module(f"mujoco.{chosen if chosen in ('osmesa', 'glfw') else 'egl'}").GLContext
