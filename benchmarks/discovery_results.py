@@ -254,7 +254,12 @@ def curve(frames: Frames) -> pd.DataFrame:
     both = table.groupby(["backend", "method", "samples"], sort=False).agg(
         early=("f1_stages_1_3", "mean"), f1=("f1", "mean"), seeds=("seed", "nunique")
     )
-    cells = both.apply(lambda r: f"{r.early:.2f} ({r.f1:.2f}), {r.seeds:.0f}", axis=1).unstack("samples")
+    cells = (
+        both.apply(lambda r: f"{r.early:.2f} ({r.f1:.2f}), {r.seeds:.0f}", axis=1)
+        .unstack("samples")
+        .sort_index(axis=1)
+        .sort_index(axis=1)
+    )
     cells.columns = [f"{size:,} samples" for size in cells.columns]
     return cells.fillna("").reset_index()
 
