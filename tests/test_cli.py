@@ -120,7 +120,7 @@ def test_backends_lists_a_broken_plugin_with_its_error(call: Callable, install: 
     lines = done.stdout.splitlines()
     assert [cell.strip() for cell in next(line for line in lines if "│ kinematic" in line).strip("│").split("│")] == [
         "kinematic", "numpy, not physics", "floating hand", "causalbench-robotics", version("causalbench-robotics"),
-        "exact_restore, lidar, mobile_base", "none", "ok",
+        "exact_restore, lidar, mobile_base, rgb", "none", "ok",
     ]  # fmt: skip
     broken = next(line for line in done.stdout.splitlines() if "causalbench-broken" in line)
     assert "ModuleNotFoundError: No module named 'a_simulator_that_is_not_here'" in broken
@@ -130,7 +130,7 @@ def test_discover_refuses_what_does_not_exist(call: Callable) -> None:
     done = call("discover", "--preset", "papr")
     assert (done.returncode, done.stderr) == (
         2,
-        "error: unknown preset 'papr'. Did you mean 'paper'? Known: paper, quick.\n",
+        "error: unknown preset 'papr'. Did you mean 'paper'? Known: paper, paper_mobile, quick.\n",
     )
     done = call("discover", "--backend", "gymrobot9")
     assert (done.returncode, done.stderr.startswith("error: unknown backend 'gymrobot9'.")) == (2, True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 
@@ -15,6 +16,7 @@ from causalbench.errors import UserError
 from causalbench.registration import make_env
 
 WITHOUT_GL = """
+import os
 import sys
 
 BLOCKED = ("OpenGL",) if sys.argv[1] == "robosuite" else ("OpenGL", "glfw")
@@ -29,6 +31,7 @@ import numpy as np
 from causalbench.registration import make_env
 env = make_env(backend=sys.argv[1])
 env.reset(seed=0)
+assert "MUJOCO_GL" not in os.environ, "a child process would inherit it"
 for _ in range(3):
     env.step(np.zeros(len(env.action_names)))
 try:
@@ -44,7 +47,9 @@ def test_state_alone_needs_no_renderer(backend: str) -> None:
 
     robosuite imports glfw, a window library that brings all it needs, by itself.
     """
-    done = subprocess.run([sys.executable, "-c", WITHOUT_GL, backend], capture_output=True, text=True, check=True)
+    plain = {name: value for name, value in os.environ.items() if name != "MUJOCO_GL"}
+    call = [sys.executable, "-c", WITHOUT_GL, backend]
+    done = subprocess.run(call, capture_output=True, text=True, check=True, env=plain)
     if backend in ("kinematic", "pybullet"):
         assert done.stdout == "drawn\n"
     else:

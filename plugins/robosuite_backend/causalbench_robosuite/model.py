@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from causalbench.core import arm_ik, readings
+from causalbench.core.importing import variable_by_default
 from causalbench_robosuite.engine import mujoco
 
 Array = NDArray[np.float64]
@@ -47,7 +48,11 @@ class Gains(NamedTuple):
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Hold back what robosuite logs while it is imported and used: advice on parts of it that are not used here."""
+    """Hold back what robosuite does beside its work while it is imported and used.
+
+    It logs advice on parts of it that are not used here, and sets MUJOCO_GL to "egl" for good: child processes would
+    then need OpenGL to import MuJoCo.
+    """
     logger = logging.getLogger("robosuite_logs")
 
     def only_errors(record: logging.LogRecord) -> bool:
@@ -55,7 +60,8 @@ def quiet() -> Iterator[None]:
 
     logger.addFilter(only_errors)
     try:
-        yield
+        with variable_by_default("MUJOCO_GL", "disable"):
+            yield
     finally:
         logger.removeFilter(only_errors)
 
