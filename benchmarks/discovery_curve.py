@@ -103,7 +103,8 @@ def draw(table: pd.DataFrame, path: Path) -> None:
         ax.set_xticks(SIZES, [f"{size:,}" for size in SIZES])
         ax.minorticks_off()
         ax.set_ylim(0, 1.03)
-        ax.set_title(f"{backends[column]}, {what}, {here['seed'].nunique()} seeds")
+        seeds = here.groupby(["method", "samples"])["seed"].nunique()
+        ax.set_title(f"{backends[column]}, {what}, {' to '.join(map(str, sorted({seeds.min(), seeds.max()})))} seeds")
         if row == 1:
             ax.set_xlabel("samples in each set of a stage")
         if column == 0:
