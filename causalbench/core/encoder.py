@@ -15,8 +15,6 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from causalbench.core.tasks.task import Task
-
 
 @dataclass(frozen=True)
 class Conv:
@@ -63,11 +61,6 @@ SENSORS: Mapping[str, Sensor] = {
     # 1,536 features.
     "lidar": Sensor((220, 1), 10.0, torch.float32, (Conv(32, (8,), 4), Conv(64, (4,), 2), Conv(64, (3,), 1))),
 }
-
-
-def sensor_of(task: Task, observation: str) -> str:
-    """Name of the sensor that the networks read beside the state; "" for none."""
-    return task.sensor if observation == "paper" else ""
 
 
 def device_for(name: str) -> torch.device:

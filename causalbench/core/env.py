@@ -90,12 +90,13 @@ class Observer:
     """
 
     def __init__(self, task: Task, spec: SceneSpec, observe_gripper: bool, observe: Observe = "state") -> None:
-        if observe == "paper" and task.sensor and task.sensor not in spec.capabilities:
+        sensor = task.sensor_in(observe)
+        if sensor and sensor not in spec.capabilities:
             raise UserError(
-                f"backend {spec.backend!r} has no capability {task.sensor!r}, which the paper's observation of task "
+                f"backend {spec.backend!r} has no capability {sensor!r}, which the paper's observation of task "
                 f"{task.name!r} needs; `causalbench backends` lists those that have it"
             )
-        self.sees = observe == "paper" and task.sensor == "rgb"
+        self.sees = sensor == "rgb"
         low, high = (bound.astype(np.float32) for bound in task.state_bounds(spec.workspace))
         self.scans = "lidar" in task.requires
         observe_gripper = observe_gripper and "grip" in task.actions

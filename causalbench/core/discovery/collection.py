@@ -129,7 +129,7 @@ class Recipe:
         """Collect `stream` and keep it."""
         rng = np.random.default_rng([self.seed, stream.stage, stream.number])
         length, placebos = self.settings.sequence_length, self.settings.n_placebos
-        sensor = self.task.sensor if self.settings.observation == "paper" else ""
+        sensor = self.task.sensor_in(self.settings.observation)
         samples = collect(
             self.task, batch, stream.stage, stream.count, stream.do, rng, length, placebos, on_step, sensor
         )

@@ -13,7 +13,6 @@ import torch
 import causalbench
 from causalbench.core.batch import make_batch
 from causalbench.core.discovery.graph import CausalGraph
-from causalbench.core.encoder import sensor_of
 from causalbench.core.env import StageTaskEnv
 from causalbench.core.learners.checkpoint import Checkpoints, load_checkpoint, save_checkpoint
 from causalbench.core.learners.counting import Counter
@@ -79,7 +78,7 @@ def train(
             if checkpoints:
                 LOG.info("stable-baselines3's own agents keep no checkpoints")
             return train_stock(env, judge_env, settings, evaluation, env_steps, seed, on_evaluation, on_progress)
-        scale = ObservationScale.of(env.single_observation_space, sensor_of(task, settings.observation))
+        scale = ObservationScale.of(env.single_observation_space, task.sensor_in(settings.observation))
         learner = LEARNERS[method.learner](task, method, graph, scale, settings, seed)
         counter = Counter(task.n_stages, env.num_envs)
         obs, _ = env.reset(seed=seed)

@@ -93,6 +93,10 @@ class Task:
     requires: frozenset[str] = frozenset()
     sensor: Literal["", "rgb", "lidar"] = ""
 
+    def sensor_in(self, observation: str) -> str:
+        """The sensor that "state" or "paper" observes beside the state; "" for none."""
+        return self.sensor if observation == "paper" else ""
+
     @property
     def term_names(self) -> tuple[str, ...]:
         """Names of the reward terms in vector order."""
