@@ -39,8 +39,7 @@ from causalbench.store.cells import DATA
 from causalbench.store.samples import SampleFolder
 
 NAME = "discovery_methods"
-READS = {"cmi": ("random", "inference"), "fisher_z": ("random",), "kci": ("random",)}
-ON_SAMPLES = ("kl", *READS)
+ON_SAMPLES = ("kl", "cmi", "fisher_z", "kci")
 
 
 def rows_of(backend: str, seed: int, method: str, made: Path) -> list[Row]:
@@ -73,8 +72,7 @@ def samples_read(method: str, settings: DiscoverySettings, graph: CausalGraph) -
     return sum(
         stream.count
         for stage in range(1, TASK.n_stages + 1)
-        for stream in streams(TASK, settings, stage)
-        if stream.name in READS.get(method, (stream.name,))
+        for stream in streams(TASK, settings, stage, DISCOVERERS[method].reads)
     )
 
 

@@ -11,19 +11,18 @@ from __future__ import annotations
 
 import argparse
 import itertools
-import re
 import shutil
-import sys
 import tempfile
-from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
+import pages
 import pandas as pd
-from discoveries import BACKENDS, DOCS, Row, judged, measured, read_graph, read_truth
+from discoveries import BACKENDS, Row, judged, measured, read_graph, read_truth
 from discovery_calibration import FDR, p_values_of_absent_edges
 from discovery_calibration import summary as calibration_summary
 from discovery_methods import summary as methods_summary
+from pages import Frames, Tables, rounded
 
 from causalbench.core.discovery.graph import manual_graph, used_kl
 from causalbench.core.discovery.score import score_matrix
@@ -33,8 +32,6 @@ from causalbench.report.figures import write_figures
 from causalbench.report.stats import bootstrap_interval, wilson
 
 PAGE = Path("docs/discovery_results.md")
-MARK = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
-Frames = Mapping[str, pd.DataFrame]
 
 
 def read_discoveries(root: Path, docs: Path) -> None:
@@ -245,7 +242,7 @@ def methods(frames: Frames) -> pd.DataFrame:
     """F1, seconds, samples and environment steps by backend and method; means over seeds."""
     table = methods_summary(frames["discovery_methods"])
     names = {"f1": "F1, all", "f1_stages_1_3": "F1, stages 1-3", "cpu_seconds": "CPU seconds", "env_steps": "env steps"}
-    return _round(table, f1=2, f1_stages_1_3=2, cpu_seconds=0, samples=0, env_steps=0).rename(columns=names)
+    return rounded(table, f1=2, f1_stages_1_3=2, cpu_seconds=0, samples=0, env_steps=0).rename(columns=names)
 
 
 def curve(frames: Frames) -> pd.DataFrame:
@@ -267,18 +264,18 @@ def curve(frames: Frames) -> pd.DataFrame:
 def calibration(frames: Frames) -> pd.DataFrame:
     """Wrong edges among the selected, per selection."""
     table = calibration_summary(frames["discovery_calibration"])
-    return _round(table, share=3, low=3, high=3, mean_over_seeds=3)
+    return rounded(table, share=3, low=3, high=3, mean_over_seeds=3)
 
 
 def p_values(frames: Frames) -> pd.DataFrame:
     """How the placebos' p-values of absent edges are distributed."""
-    return _round(p_values_of_absent_edges(frames["discovery_calibration"]), share=3, low=3, high=3)
+    return rounded(p_values_of_absent_edges(frames["discovery_calibration"]), share=3, low=3, high=3)
 
 
 def paper(frames: Frames) -> pd.DataFrame:
     """The paper's preset and the default, per backend and seed."""
     names = ["backend", "seed", "preset", "env_steps", "f1", "f1_stages_1_3", "shd", "missed", "false", "only_here"]
-    return _round(frames["discovery_paper"][names].fillna(""), f1=2, f1_stages_1_3=2)
+    return rounded(frames["discovery_paper"][names].fillna(""), f1=2, f1_stages_1_3=2)
 
 
 def motion(frames: Frames) -> pd.DataFrame:
@@ -286,7 +283,7 @@ def motion(frames: Frames) -> pd.DataFrame:
     table = frames["discovery_contact_motion"]
     fifths = [f"fifth_{i}" for i in range(1, 6)]
     names = ["-1 to -0.6", "to -0.2", "to 0.2", "to 0.6", "to 1"]
-    return _round(table, **dict.fromkeys(fifths, 3)).rename(columns=dict(zip(fifths, names, strict=True)))
+    return rounded(table, **dict.fromkeys(fifths, 3)).rename(columns=dict(zip(fifths, names, strict=True)))
 
 
 def pairs(frames: Frames) -> pd.DataFrame:
@@ -321,7 +318,7 @@ def cheap(frames: Frames) -> pd.DataFrame:
     return frames["cheap_discovery"][names].round(3).fillna("")
 
 
-TABLES: Mapping[str, tuple[Callable[[Frames], pd.DataFrame], tuple[str, ...]]] = {
+TABLES: Tables = {
     "matrices": (matrices, ("discovery_edges",)),
     "maps": (maps, ("discovery_edges",)),
     "scores": (scores, ("discovery_edges", "discovery_seeds")),
@@ -343,48 +340,15 @@ TABLES: Mapping[str, tuple[Callable[[Frames], pd.DataFrame], tuple[str, ...]]] =
 }
 
 
-def _round(table: pd.DataFrame, **digits: int) -> pd.DataFrame:
-    """Numbers as text with so many digits; a missing one is empty."""
-    out = table.copy()
-    for column, n in digits.items():
-        out[column] = [f"{v:,.{n}f}" if pd.notna(v) else "" for v in table[column]]
-    return out
-
-
-def markdown(table: pd.DataFrame) -> str:
-    """A table of the page."""
-    lines = [table.columns, ["---"] * len(table.columns), *table.astype(str).to_numpy()]
-    return "".join(f"| {' | '.join(str(cell).replace('|', '/') for cell in line)} |\n" for line in lines)
-
-
-def filled(page: str, docs: Path) -> str:
-    """The page with every table renewed."""
-    frames = {path.stem: pd.read_csv(path) for path in docs.glob("*.csv")}
-
-    def renew(match: re.Match[str]) -> str:
-        draw, needs = TABLES[match[2]]
-        missing = [name for name in needs if name not in frames]
-        text = f"Not measured: docs/data/{missing[0]}.csv is not there.\n" if missing else markdown(draw(frames))
-        return f"{match[1]}\n{text}\n{match[3]}"
-
-    return MARK.sub(renew, page)
-
-
 def main() -> None:
     """Renew or check the page."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--read", type=Path, help="folder that discoveries.py filled")
-    parser.add_argument("--check", action="store_true")
-    parser.add_argument("--docs", type=Path, default=DOCS)
-    args = parser.parse_args()
+    args = pages.arguments(parser)
     if args.read:
         read_discoveries(args.read, args.docs)
         draw_first(args.read, args.docs.parent / "figures")
-    page = PAGE.read_text(encoding="utf-8")
-    new = filled(page, args.docs)
-    if args.check:
-        sys.exit("docs/discovery_results.md: its tables are not those of docs/data" if new != page else 0)
-    PAGE.write_text(new, encoding="utf-8")
+    pages.renew(PAGE, TABLES, args)
 
 
 if __name__ == "__main__":

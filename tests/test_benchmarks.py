@@ -63,9 +63,10 @@ def test_a_measurement_is_made_once(tmp_path):
     )
 
 
-def test_the_results_page_says_what_the_data_say():
+@pytest.mark.parametrize("page", ["discovery_results", "learning_results"])
+def test_a_results_page_says_what_the_data_say(page):
     done = subprocess.run(
-        [sys.executable, "benchmarks/discovery_results.py", "--check"], cwd=ROOT, capture_output=True, text=True
+        [sys.executable, f"benchmarks/{page}.py", "--check"], cwd=ROOT, capture_output=True, text=True
     )
     assert done.returncode == 0, done.stderr
 

@@ -13,12 +13,13 @@ from causalbench.core.discovery.counterfactual import Walk
 from causalbench.core.discovery.discoverers import DISCOVERERS
 from causalbench.core.discovery.independence import independent_columns
 from causalbench.core.discovery.permutation import sign_flip_p_values
-from causalbench.core.discovery.pipeline import CountingScene, discover
+from causalbench.core.discovery.pipeline import CountingScene, discover, discover_from_samples
 from causalbench.core.discovery.settings import DiscoverySettings
 from causalbench.core.kinematic import make
 from causalbench.core.tasks.mobile_manipulation import TASK as MOBILE
 from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench.errors import UnknownNameError
+from causalbench.store.samples import SampleFolder
 
 SMALL = DiscoverySettings(training_count=1500, max_epochs=12, kci_samples=300)
 PAIRED = ("paired", "permutation")
@@ -49,6 +50,28 @@ def test_recovers_a_planted_graph(name):
     stage = _graph(name, toy_task(_planted, 2)).stages[0]
     np.testing.assert_array_equal(stage.matrix, [[True, False], [False, True], [False, True]])
     assert stage.testable.all()
+
+
+@pytest.mark.parametrize(
+    ("name", "sets"),
+    [
+        (
+            "kl",
+            {"random": 160, "inference": 32} | dict.fromkeys(("do-armx", "do-army", "do-armz", "placebo"), 160),
+        ),
+        ("cmi", {"random": 160, "inference": 32}),
+        ("fisher_z", {"random": 160}),
+        ("kci", {"random": 160}),
+    ],
+)
+def test_only_what_a_discoverer_reads_costs_steps(name, sets, tmp_path):
+    settings = DiscoverySettings(discoverer=name, training_count=160, max_epochs=2)
+    task, store = toy_task(_planted, 2), SampleFolder(tmp_path)
+    graph = discover(task, make_toy, settings, 0, _quiet, store=store)
+    assert graph.env_steps == sum(sets.values())
+    assert {path.stem for path in tmp_path.glob("*.npz")} == {f"stage1-{name}" for name in sets}
+    again = discover_from_samples(task, store, store.origin()[0], settings, 0, _quiet)
+    assert again.to_json() == graph.to_json()
 
 
 @pytest.mark.parametrize("name", DISCOVERERS)

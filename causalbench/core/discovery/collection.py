@@ -23,6 +23,7 @@ import numpy as np
 
 from causalbench.core.batch import BatchScene, make_batch
 from causalbench.core.discovery.collect import Samples, StageSamples, collect
+from causalbench.core.discovery.discoverers import SAMPLE_SETS, SampleSet
 from causalbench.core.discovery.settings import DiscoverySettings
 from causalbench.core.scene import Scene, SceneSpec
 from causalbench.core.tasks.task import Task
@@ -78,16 +79,22 @@ class Stream:
     do: int | None
 
 
-def streams(task: Task, settings: DiscoverySettings, stage: int) -> list[Stream]:
-    """D_random, D_inference, D_do of every action and, with placebos, one more random set that stands for theirs."""
-    count = settings.training_count
-    sets = [
-        Stream(stage, "random", 0, count, None),
-        Stream(stage, "inference", 1, round(settings.inference_fraction * count), None),
-        *(Stream(stage, f"do-{action}", 2 + k, count, k) for k, action in enumerate(task.actions)),
-    ]
-    if settings.n_placebos:
-        sets.append(Stream(stage, "placebo", 2 + len(task.actions), count, None))
+def streams(
+    task: Task, settings: DiscoverySettings, stage: int, reads: frozenset[SampleSet] = SAMPLE_SETS
+) -> list[Stream]:
+    """D_random, D_inference, D_do of every action and, with placebos, one more random set that stands for theirs.
+
+    Only what `reads` names of them.
+    """
+    count, sets = settings.training_count, list[Stream]()
+    if "random" in reads:
+        sets.append(Stream(stage, "random", 0, count, None))
+    if "inference" in reads:
+        sets.append(Stream(stage, "inference", 1, round(settings.inference_fraction * count), None))
+    if "do" in reads:
+        sets += [Stream(stage, f"do-{action}", 2 + k, count, k) for k, action in enumerate(task.actions)]
+        if settings.n_placebos:
+            sets.append(Stream(stage, "placebo", 2 + len(task.actions), count, None))
     return sets
 
 
@@ -101,6 +108,11 @@ class Recipe:
     origin: Origin
     make_scene: Callable[[], Scene] | None
     store: SampleStore | None
+    reads: frozenset[SampleSet] = SAMPLE_SETS
+
+    def streams(self, stage: int) -> list[Stream]:
+        """The sets that are wanted of `stage`."""
+        return streams(self.task, self.settings, stage, self.reads)
 
     def about(self, stream: Stream) -> About:
         """What determines the samples of `stream`."""
@@ -154,7 +166,7 @@ class Collection:
 
     def stage(self, stage: int) -> StageSamples:
         """The samples of one stage. Raises `LayoutDrawError` or `UndecidedStageError`."""
-        wanted = streams(self.recipe.task, self.recipe.settings, stage)
+        wanted = self.recipe.streams(stage)
         planned = sum(stream.count for stream in wanted)
 
         def on_steps(steps: int) -> None:
@@ -202,7 +214,6 @@ class Collection:
         return self._batch
 
     def _assemble(self, wanted: list[Stream], found: list[Samples]) -> StageSamples:
-        settings, n_actions = self.recipe.settings, len(self.recipe.task.actions)
         notes = []
         for stream, samples in zip(wanted, found, strict=True):
             if len(samples) < stream.count:
@@ -213,16 +224,24 @@ class Collection:
                 if len(samples) < max(2, LEAST_SHARE * stream.count):
                     raise UndecidedStageError(note)
                 notes.append(note)
-        shortest = min(len(samples) for samples in found[2:])
-        random, inference, *others = found[:2] + [samples.first(shortest) for samples in found[2:]]
-        if settings.sequence_length > 1 and len(np.unique(random.sequence)) == len(random):
+        named = {stream.name: samples for stream, samples in zip(wanted, found, strict=True)}
+        empty = found[0].first(0)
+        random, inference = named.pop("random", empty), named.pop("inference", empty)
+        shortest = min(map(len, named.values()), default=0)
+        extra, *interventions = [named.pop("placebo", None), *named.values()]
+        if self.recipe.settings.sequence_length > 1 and len(np.unique(random.sequence)) == len(random):
             notes.append("every random step left the stage, so that each sample is a first step")
-        extra = others[n_actions] if settings.n_placebos else None
-        return StageSamples(random, inference, tuple(others[:n_actions]), extra, tuple(notes))
+        return StageSamples(
+            random,
+            inference,
+            tuple(samples.first(shortest) for samples in interventions),
+            extra and extra.first(shortest),
+            tuple(notes),
+        )
 
 
 def _size(recipe: Recipe) -> int:
-    return recipe.task.n_stages * sum(stream.count for stream in streams(recipe.task, recipe.settings, 1))
+    return recipe.task.n_stages * sum(stream.count for stream in recipe.streams(1))
 
 
 def _pickles(recipe: Recipe) -> bool:
@@ -249,8 +268,7 @@ class _Pool:
         """The samples of one stage, in the order of `streams`."""
         if not self.queued:
             for number in range(1, self.recipe.task.n_stages + 1):
-                wanted = streams(self.recipe.task, self.recipe.settings, number)
-                self.queued[number] = [self.executor.submit(_collect, stream) for stream in wanted]
+                self.queued[number] = [self.executor.submit(_collect, s) for s in self.recipe.streams(number)]
         running: set[Future[Samples]] = set(self.queued[stage])
         while running:
             _, running = wait(running, POLL)

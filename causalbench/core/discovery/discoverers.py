@@ -8,7 +8,7 @@ from __future__ import annotations
 import importlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Literal, Protocol, get_args
 
 from causalbench.core.discovery.graph import StageGraph
 from causalbench.core.discovery.settings import DiscoverySettings
@@ -17,6 +17,11 @@ from causalbench.core.tasks.task import Task
 if TYPE_CHECKING:  # importing Gymnasium loads this table, which thus must not need Gymnasium
     from causalbench.core.discovery.collect import Samples, StageSamples
     from causalbench.core.scene import Scene
+
+
+SampleSet = Literal["random", "inference", "do"]
+"""D_random, D_inference, and D_do of every action (with the set that stands for the placebos')."""
+SAMPLE_SETS: frozenset[SampleSet] = frozenset(get_args(SampleSet))
 
 
 class StageProblem(Protocol):
@@ -42,7 +47,10 @@ class StageProblem(Protocol):
         """Seed of the discovery."""
 
     def samples(self) -> StageSamples:
-        """D_random, D_do[a_k] and D_inference, collected on first use. The same for every discoverer of equal seed."""
+        """The sets that the discoverer's row says it `reads`, collected on first use; the others are empty.
+
+        A set is the same for every discoverer of equal seed.
+        """
 
     def scene(self) -> Scene:
         """A simulator for queries of your own; every step of it counts. Raises `UserError` if there are only files."""
@@ -60,7 +68,8 @@ class Discoverer:
 
     `discover_stage` returns the graph of one stage; it raises `UndecidedStageError` when the data do not allow one.
     It imports heavy libraries when called, never before. `modules` are the optional imports that it needs and `extra`
-    the pip requirement that installs them; `about` is a line for people.
+    the pip requirement that installs them; `about` is a line for people. `reads` names the sets of Algorithm 1 that its
+    samples have: others cost no environment step.
     """
 
     name: str
@@ -68,6 +77,7 @@ class Discoverer:
     about: str
     modules: tuple[str, ...] = ()
     extra: str = ""
+    reads: frozenset[SampleSet] = SAMPLE_SETS
 
 
 def _from(module: str, function: str = "discover_stage") -> Callable[[StageProblem], StageGraph]:
@@ -81,6 +91,8 @@ def _from(module: str, function: str = "discover_stage") -> Callable[[StageProbl
     return discover_stage
 
 
+RANDOM: frozenset[SampleSet] = frozenset(("random",))
+OBSERVED: frozenset[SampleSet] = frozenset(("random", "inference"))
 CAUSAL_LEARN = (("causallearn",), "causalbench-robotics[causal-learn]")
 
 DISCOVERERS: Mapping[str, Discoverer] = {
@@ -89,8 +101,8 @@ DISCOVERERS: Mapping[str, Discoverer] = {
         Discoverer("kl", _from("kl"), "KL of reward models with and without the action (the paper)"),
         Discoverer("paired", _from("paired"), "effect sizes from paired interventions, until each edge is decided"),
         Discoverer("permutation", _from("permutation"), "permutation test on paired interventions"),
-        Discoverer("cmi", _from("cmi"), "conditional mutual information (CausalMoMa)"),
-        Discoverer("fisher_z", _from("independence", "by_fisher_z"), "partial correlation", *CAUSAL_LEARN),
-        Discoverer("kci", _from("independence", "by_kci"), "kernel independence test", *CAUSAL_LEARN),
+        Discoverer("cmi", _from("cmi"), "conditional mutual information (CausalMoMa)", reads=OBSERVED),
+        Discoverer("fisher_z", _from("independence", "by_fisher_z"), "partial correlation", *CAUSAL_LEARN, RANDOM),
+        Discoverer("kci", _from("independence", "by_kci"), "kernel independence test", *CAUSAL_LEARN, RANDOM),
     )
 }

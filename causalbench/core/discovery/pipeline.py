@@ -163,6 +163,7 @@ def _discover(
     if settings.discoverer not in discoverers:
         raise UnknownNameError("discoverer", settings.discoverer, discoverers)
     discoverer = discoverers[settings.discoverer]
+    recipe = replace(recipe, reads=discoverer.reads)
     board = _Board(task.n_stages, on_progress)
     collection = Collection(recipe, cores, board.on_collected)
     graphs, digests = [], []

@@ -1,0 +1,187 @@
+"""The tables and curves of docs/learning_results.md, from the CSV files in docs/data alone.
+
+    python benchmarks/learning_results.py                                # write them into the page
+    python benchmarks/learning_results.py --check                        # fail if the page says something else
+    python benchmarks/learning_results.py --read runs/ablation-quick     # first renew what is read from a run folder
+
+`--read` takes the folders of suites that the page shows: ablation, pure_manip, one_agent, mobile_manip.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use("agg")
+import matplotlib.pyplot as plt
+import pages
+import pandas as pd
+import tuning_grid
+import yaml
+from pages import Frames, Tables, rounded
+
+from causalbench.core.learners.methods import METHODS
+from causalbench.core.tasks.rewards import COLLISION
+
+PAGE = Path("docs/learning_results.md")
+ORDER = [method.name for method in METHODS]
+
+
+def read_run(run: Path, docs: Path) -> str:
+    """Write SUITE_curves.csv and, with collisions and seconds of each cell, SUITE_results.csv; returns SUITE."""
+    name = yaml.safe_load((run / "suite.yaml").read_text(encoding="utf-8"))["name"]
+    results = pd.read_csv(run / "results.csv")
+    seconds = pd.read_csv(run / "timing.csv").set_index("cell")["seconds"]
+    returns = pd.read_csv(run / "returns.csv")
+    last = returns[returns["env_steps"] == returns.groupby("cell")["env_steps"].transform("max")]
+    hits = last[last["term"].str.startswith("r_collision")].groupby("cell")["mean_return"].sum() / COLLISION
+    cells = {cell.rpartition("-")[0]: cell for cell in seconds.index}
+    made = [cells[f"{r.task}-{r.backend}-{r.method}-s{r.seed}"] for r in results.itertuples()]
+    results = results.assign(collisions_per_episode=hits[made].to_numpy(), seconds=seconds[made].round(1).to_numpy())
+    for kind, table in (("results", results), ("curves", pd.read_csv(run / "curves.csv"))):
+        table.to_csv(docs / f"{name}_{kind}.csv", index=False, lineterminator="\n", float_format="%.6g")
+    return str(name)
+
+
+def draw(name: str, docs: Path) -> None:
+    """Success over environment steps, a panel per backend: mean over seeds and every seed, as NAME_curves.svg."""
+    curves = pd.read_csv(docs / f"{name}_curves.csv")
+    backends = list(dict.fromkeys(curves["backend"]))
+    figure, axes = plt.subplots(
+        1, len(backends), figsize=(1 + 4.5 * len(backends), 4), sharey=True, squeeze=False, layout="constrained"
+    )
+    found = set(curves["method"])
+    methods = [m for m in ORDER if m in found]
+    for axis, backend in zip(axes[0], backends, strict=True):
+        for i, method in enumerate(methods):
+            here = curves.query("backend == @backend and method == @method")
+            wide = here.pivot(index="env_steps", columns="seed", values="success_deterministic")
+            style = {"color": plt.cm.tab10(i % 10), "linestyle": ("-", "--", ":")[i // 10]}
+            axis.plot(wide.index, wide, lw=0.5, alpha=0.5, **style)
+            axis.plot(wide.index, wide.mean(axis=1), lw=2, label=method, **style)
+        axis.set(title=backend, xlabel="environment steps", ylim=(-0.03, 1.03))
+    axes[0][0].set_ylabel("success, deterministic policy")
+    axes[0][-1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+    figure.savefig(docs.parent / "figures" / f"{name}_curves.svg", metadata={"Date": None})
+    plt.close(figure)
+
+
+# One function a table of the page.
+
+
+def _each(values: pd.Series, form: str) -> str:
+    """Every seed's value; a dash for one that never got there."""
+    return " ".join("-" if pd.isna(v) else form.format(v) for v in values)
+
+
+def by_method(results: pd.DataFrame) -> pd.DataFrame:
+    """A row per backend and method, every seed's values side by side."""
+    rows = []
+    for backend in dict.fromkeys(results["backend"]):
+        for method in ORDER:
+            here = results.query("backend == @backend and method == @method").sort_values("seed")
+            if here.empty:
+                continue
+            reached, cost = here["steps_to_90"], here["discovery_env_steps"]
+            row = {"backend": backend, "method": method, "success AUC, mean": f"{here['success_auc'].mean():.2f}"}
+            row |= {"success AUC": _each(here["success_auc"], "{:.2f}")}
+            row |= {"success": _each(here["success_deterministic"], "{:.2f}")}
+            row |= {"held": _each(here["held_rate"], "{:.2f}"), "steps to 90%": _each(reached, "{:,.0f}")}
+            row |= {"with discovery": _each(reached + cost, "{:,.0f}")}
+            row |= {"stage at the end": _each(here["mean_final_stage"], "{:.1f}")}
+            rows.append(row | {"reversals per 1,000 steps": _each(here["reversals_per_1000_steps"], "{:.0f}")})
+    return pd.DataFrame(rows)
+
+
+def learning(frames: Frames) -> pd.DataFrame:
+    """All methods and controls on pure manipulation."""
+    return by_method(frames["ablation_results"])
+
+
+def three_simulators(frames: Frames) -> pd.DataFrame:
+    """The four methods of the paper on three simulators."""
+    return by_method(frames["pure_manip_results"])
+
+
+PARTS = {
+    "both": ("cmSAC", "mSAC"),
+    "the smaller action space, without the factored gradient": ("cmSAC-scalar", "mSAC"),
+    "the factored gradient, without the smaller action space": ("cmSAC-full", "mSAC"),
+    "the factored gradient, on the causal actions": ("cmSAC", "cmSAC-scalar"),
+    "the smaller action space, with the factored gradient": ("cmSAC", "cmSAC-full"),
+    "the discovered matrix in place of its rows shuffled": ("cmSAC", "cmSAC-shuffled"),
+    "the discovered matrix in place of as many edges drawn anew": ("cmSAC", "cmSAC-redrawn"),
+    "the discovered actions in place of as many others": ("cmSAC", "cmSAC-other"),
+    "one action fewer a stage": ("cmSAC", "cmSAC-plus1"),
+    "two actions fewer a stage": ("cmSAC", "cmSAC-plus2"),
+}
+
+
+def parts(frames: Frames) -> pd.DataFrame:
+    """What each part of the method adds to the area under the success curve: differences, seed by seed."""
+    auc = frames["ablation_results"].pivot(index=["backend", "seed"], columns="method", values="success_auc")
+    rows = []
+    for part, (with_it, without) in PARTS.items():
+        row = {"what": part, "is": f"{with_it} - {without}"}
+        for backend, here in (auc[with_it] - auc[without]).groupby(level="backend"):
+            row[backend] = f"{here.mean():+.2f} ({_each(here, '{:+.2f}')})"
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def one_agent(frames: Frames) -> pd.DataFrame:
+    """cmSAC against one plain SAC on the summed reward."""
+    table = frames["one_agent_results"]
+    names = ["method", "seed", "env_steps", "seconds", "steps_to_90", "success_deterministic", "success_sampled",
+             "mean_final_stage", "reversals_per_1000_steps"]  # fmt: skip
+    digits = {"seconds": 0, "env_steps": 0, "steps_to_90": 0, "mean_final_stage": 1, "reversals_per_1000_steps": 0}
+    return rounded(table[names], **digits)
+
+
+def mobile(frames: Frames) -> pd.DataFrame:
+    """Mobile manipulation, a row per cell."""
+    table = frames["mobile_manip_results"]
+    names = ["backend", "method", "seed", "success_deterministic", "success_sampled", "success_auc", "steps_to_90",
+             "mean_final_stage", "reversals_per_episode", "collisions_per_episode"]  # fmt: skip
+    digits = {"success_auc": 2, "steps_to_90": 0, "reversals_per_episode": 2, "collisions_per_episode": 1}
+    return rounded(table[names], mean_final_stage=1, **digits)
+
+
+def tuning(frames: Frames) -> pd.DataFrame:
+    """The point that each method takes."""
+    digits = dict.fromkeys(("success_auc", "stage_auc", "preset_success_auc", "preset_stage_auc"), 2)
+    return rounded(tuning_grid.chosen(frames["tuning_grid"]), **digits)
+
+
+def grid(frames: Frames) -> pd.DataFrame:
+    """Success AUC and stage AUC of every point, means over seeds."""
+    mean = frames["tuning_grid"].groupby(["method", *tuning_grid.POINT], sort=False)[tuning_grid.SCORE].mean()
+    cells = mean.apply(lambda r: f"{r.success_auc:.2f} ({r.stage_auc:.2f})", axis=1).unstack("method", sort=False)
+    return cells.reset_index()
+
+
+TABLES: Tables = {
+    "tuning": (tuning, ("tuning_grid",)),
+    "grid": (grid, ("tuning_grid",)),
+    "learning": (learning, ("ablation_results",)),
+    "parts": (parts, ("ablation_results",)),
+    "three_simulators": (three_simulators, ("pure_manip_results",)),
+    "one_agent": (one_agent, ("one_agent_results",)),
+    "mobile": (mobile, ("mobile_manip_results",)),
+}
+
+
+def main() -> None:
+    """Renew or check the page."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--read", type=Path, nargs="+", default=[], help="run folders")
+    args = pages.arguments(parser)
+    for run in args.read:
+        draw(read_run(run, args.docs), args.docs)
+    pages.renew(PAGE, TABLES, args)
+
+
+if __name__ == "__main__":
+    main()
