@@ -1,4 +1,4 @@
-"""What the discovery benchmarks share, and the page that is made of what they measured."""
+"""What the benchmarks share, and the pages that are made of what they measured."""
 
 import importlib
 import subprocess
@@ -6,9 +6,11 @@ import sys
 from pathlib import Path
 
 import discoveries
+import learning_results
 import numpy as np
 import pandas as pd
 import pytest
+import tuning_grid
 
 from causalbench.core.discovery.collection import Recipe
 from causalbench.core.discovery.pipeline import discover
@@ -19,6 +21,7 @@ from causalbench.run.judged import judge_graph
 from causalbench.store.samples import SampleFolder
 
 ROOT = Path(__file__).parents[1]
+PRESET = (1e-3, 0.05)  # of SAC
 TINY = DiscoverySettings(training_count=64, max_epochs=1)
 
 
@@ -76,3 +79,59 @@ def test_every_discovery_benchmark_says_how_it_is_called(path):
     module = importlib.import_module(path.stem)
     assert f"python benchmarks/{path.name}" in module.__doc__
     assert callable(module.main)
+
+
+def _grid(method, scores):
+    """Rows of a tuning grid: point -> (success AUC, stage AUC) of seeds 20 and 21."""
+    return pd.DataFrame(
+        {
+            "method": method,
+            "learning_rate": rate,
+            "entropy_start": start,
+            "seed": seed,
+            "success_auc": s,
+            "stage_auc": t,
+        }
+        for (rate, start), of_seeds in scores.items()
+        for seed, (s, t) in zip((20, 21), of_seeds, strict=True)
+    )
+
+
+@pytest.mark.parametrize(
+    ("scores", "point"),
+    [
+        ([(0.5, 0.0), (0.5, 0.0), (0.5, 0.0), (0.1, 0.9)], PRESET),  # better on one seed alone
+        ([(0.5, 0.0), (0.5, 0.0), (0.6, 0.0), (0.6, 0.0)], (3e-3, 0.2)),
+        ([(0.0, 0.1), (0.0, 0.3), (0.0, 0.2), (0.0, 0.4)], (3e-3, 0.2)),  # no success: stages decide
+        ([(0.5, 0.0), (0.5, 0.0), (0.5, 0.0), (0.5, 0.0)], PRESET),
+    ],
+)
+def test_a_method_leaves_its_preset_only_for_what_is_better_on_every_seed(scores, point):
+    grid = _grid("mSAC", {PRESET: scores[:2], (3e-3, 0.2): scores[2:]})
+    (row,) = tuning_grid.chosen(grid).to_dict("records")
+    assert (row["learning_rate"], row["entropy_start"]) == point
+    assert row["preset"] == ("yes" if point == PRESET else "no")
+
+
+def test_of_several_better_points_the_best_mean_is_taken():
+    grid = _grid("mSAC", {PRESET: [(0, 0), (0, 0)], (3e-3, 0.2): [(0.1, 0), (0.9, 0)], (3e-4, 0.2): [(0.6, 0)] * 2})
+    assert tuning_grid.chosen(grid)["learning_rate"].item() == 3e-4
+
+
+def test_what_is_read_of_a_run_are_its_results_with_collisions_and_seconds(tmp_path):
+    run, docs = tmp_path / "run", tmp_path / "docs"
+    docs.mkdir()
+    suite = tmp_path / "tiny.yaml"
+    suite.write_text(
+        "{schema: 1, name: tiny, task: mobile_manipulation, backends: [kinematic], methods: [mPPO],"
+        " tiers: {smoke: {seeds: 1, env_steps: 60}}, learner: {n_steps: 30},"
+        " evaluation: {every: 30, episodes: 1, final_episodes: 1}}"
+    )
+    subprocess.run([sys.executable, "-m", "causalbench", "run", suite, "--tier", "smoke", "--out", run], check=True)
+    assert learning_results.read_run(run, docs) == "tiny"
+    (row,) = pd.read_csv(docs / "tiny_results.csv").to_dict("records")
+    (whole,) = pd.read_csv(run / "results.csv").to_dict("records")
+    assert row.items() >= {key: whole[key] for key in ("method", "backend", "env_steps")}.items()
+    assert row["collisions_per_episode"] == int(row["collisions_per_episode"])  # one episode: a whole number of steps
+    assert row["seconds"] > 0
+    assert len(pd.read_csv(docs / "tiny_curves.csv")) == 2
