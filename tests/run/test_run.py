@@ -75,6 +75,17 @@ def test_a_tiny_suite_runs_on_every_simulator(
     assert len(hashes) == len(backends)  # each backend's learner used the graph that was discovered there
 
 
+def test_the_sac_family_runs_on_mobile_manipulation_by_naming_it(
+    tiny_suite: Path, command: list[str], tmp_path: Path
+) -> None:
+    suite = tmp_path / "tiny.yaml"
+    text = tiny_suite.read_text().replace("pure_manipulation", "mobile_manipulation")
+    suite.write_text(text.replace("cmSAC, mSAC", "cmSAC, cSAC"))
+    done = subprocess.run([*command, *arguments(suite, tmp_path / "run")], capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout
+    assert {row["method"] for row in rows(tmp_path / "run" / "results.csv")} == {"cmSAC", "cSAC"}
+
+
 def test_results_have_the_columns_of_the_contract_and_agree_with_the_curves(finished_run: Path) -> None:
     header = (finished_run / "results.csv").read_text().splitlines()[0]
     assert header == (
