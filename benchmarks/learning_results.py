@@ -152,7 +152,8 @@ def mobile(frames: Frames) -> pd.DataFrame:
 def tuning(frames: Frames) -> pd.DataFrame:
     """The point that each method takes."""
     digits = dict.fromkeys(("success_auc", "stage_auc", "preset_success_auc", "preset_stage_auc"), 2)
-    return rounded(tuning_grid.chosen(frames["tuning_grid"]), **digits)
+    table = tuning_grid.chosen(frames["tuning_grid"])
+    return rounded(table.assign(learning_rate=table["learning_rate"].astype(str)), **digits)
 
 
 def grid(frames: Frames) -> pd.DataFrame:

@@ -24,7 +24,7 @@ from causalbench.report.stats import area_under
 
 DOCS = Path("docs/data")
 GRID = {
-    "SAC": ("ent_coef_init", (0.01, 0.05, 0.2), (3e-4, 1e-3, 3e-3)),
+    "SAC": ("ent_coef_init", (0.01, 0.05, 0.2), (3e-4, 1e-3)),
     "PPO": ("log_std_init", (-1.0, -0.5, 0.0), (1e-4, 3e-4, 1e-3)),
 }
 METHODS = {"SAC": ["SAC", "mSAC", "cSAC", "cmmSAC"], "PPO": ["PPO", "mPPO", "cmmPPO"]}
