@@ -158,9 +158,9 @@ def tuning(frames: Frames) -> pd.DataFrame:
 
 def grid(frames: Frames) -> pd.DataFrame:
     """Success AUC and stage AUC of every point, means over seeds."""
-    mean = frames["tuning_grid"].groupby(["method", *tuning_grid.POINT], sort=False)[tuning_grid.SCORE].mean()
-    cells = mean.apply(lambda r: f"{r.success_auc:.2f} ({r.stage_auc:.2f})", axis=1).unstack("method", sort=False)
-    return cells.reset_index()
+    mean = frames["tuning_grid"].groupby(["method", *tuning_grid.POINT])[tuning_grid.SCORE].mean()
+    cells = mean.apply(lambda r: f"{r.success_auc:.2f} ({r.stage_auc:.2f})", axis=1).unstack("method")
+    return cells[[m for m in ORDER if m in cells]].fillna("").reset_index()
 
 
 TABLES: Tables = {
