@@ -4,7 +4,8 @@
     python benchmarks/learning_results.py --check                        # fail if the page says something else
     python benchmarks/learning_results.py --read runs/ablation-quick     # first renew what is read from a run folder
 
-`--read` takes the folders of suites that the page shows: ablation, pure_manip, one_agent, mobile_manip.
+`--read` takes the folders of suites that the page shows: ablation, pure_manip, one_agent, mobile_manip. Cells that a
+folder does not have keep their rows.
 """
 
 from __future__ import annotations
@@ -24,13 +25,17 @@ from pages import Frames, Tables, rounded
 
 from causalbench.core.learners.methods import METHODS
 from causalbench.core.tasks.rewards import COLLISION
+from causalbench.report.tables import KEYS
 
 PAGE = Path("docs/learning_results.md")
 ORDER = [method.name for method in METHODS]
 
 
 def read_run(run: Path, docs: Path) -> str:
-    """Write SUITE_curves.csv and, with collisions and seconds of each cell, SUITE_results.csv; returns SUITE."""
+    """Renew the run's cells in SUITE_curves.csv and, with their collisions and seconds, in SUITE_results.csv.
+
+    Returns SUITE.
+    """
     name = yaml.safe_load((run / "suite.yaml").read_text(encoding="utf-8"))["name"]
     results = pd.read_csv(run / "results.csv")
     seconds = pd.read_csv(run / "timing.csv").set_index("cell")["seconds"]
@@ -41,8 +46,19 @@ def read_run(run: Path, docs: Path) -> str:
     made = [cells[f"{r.task}-{r.backend}-{r.method}-s{r.seed}"] for r in results.itertuples()]
     results = results.assign(collisions_per_episode=hits[made].to_numpy(), seconds=seconds[made].round(1).to_numpy())
     for kind, table in (("results", results), ("curves", pd.read_csv(run / "curves.csv"))):
-        table.to_csv(docs / f"{name}_{kind}.csv", index=False, lineterminator="\n", float_format="%.6g")
+        merged(docs / f"{name}_{kind}.csv", table).to_csv(
+            docs / f"{name}_{kind}.csv", index=False, lineterminator="\n", float_format="%.6g"
+        )
     return str(name)
+
+
+def merged(path: Path, new: pd.DataFrame) -> pd.DataFrame:
+    """`new` and what `path` has of other cells, so that seeds and backends can be run one after another."""
+    if path.exists():
+        old = pd.read_csv(path)
+        known = set(map(tuple, new[list(KEYS)].to_numpy()))
+        new = pd.concat([new, old[[tuple(key) not in known for key in old[list(KEYS)].to_numpy()]]])
+    return new.sort_values(list(KEYS), kind="stable")
 
 
 def draw(name: str, docs: Path) -> None:

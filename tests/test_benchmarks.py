@@ -135,3 +135,14 @@ def test_what_is_read_of_a_run_are_its_results_with_collisions_and_seconds(tmp_p
     assert row["collisions_per_episode"] == int(row["collisions_per_episode"])  # one episode: a whole number of steps
     assert row["seconds"] > 0
     assert len(pd.read_csv(docs / "tiny_curves.csv")) == 2
+
+
+def test_cells_that_a_run_does_not_have_keep_their_rows(tmp_path):
+    old = pd.DataFrame({"task": "t", "backend": "b", "method": "m", "seed": [0, 1], "x": [1, 2]})
+    old.to_csv(tmp_path / "x.csv", index=False)
+    new = old.assign(seed=[1, 2], x=[3, 4])
+    assert learning_results.merged(tmp_path / "x.csv", new)[["seed", "x"]].to_numpy().tolist() == [
+        [0, 1],
+        [1, 3],
+        [2, 4],
+    ]
