@@ -140,6 +140,7 @@ def discover(
     preset: Annotated[str, typer.Option(help="Named settings: quick, paper, paper_mobile.")] = "quick",
     select: Annotated[str, typer.Option(help="paper: Algorithm 2; fdr: what stands out from placebos.")] = "paper",
     fdr: Annotated[float, typer.Option(min=0.0, max=1.0, help="Share of wrong edges that --select fdr allows.")] = 0.05,
+    action_repeat: Annotated[int, typer.Option(min=1, help="Control steps for which an action is held.")] = 1,
     seed: Annotated[int, typer.Option(min=0)] = 0,
     oracle: Annotated[bool, typer.Option("--oracle", help="Score it against counterfactuals from snapshots.")] = False,
     data: Annotated[
@@ -153,8 +154,9 @@ def discover(
     from causalbench.run.alone import choose_settings, discover_alone, infer_alone
     from causalbench.show import print_graph, print_oracle
 
-    settings = choose_settings(discoverer, preset, select, fdr)
+    settings = choose_settings(discoverer, preset, select, fdr, action_repeat)
     name = f"{discoverer}-{preset}" if select == "paper" else f"{discoverer}-{preset}-{select}"
+    name += f"-x{action_repeat}" if action_repeat > 1 else ""
     if data is not None:
         if oracle:
             raise UserError("--oracle asks the simulator: run it without --data")

@@ -63,6 +63,7 @@ def infer_alone(data: Path, settings: DiscoverySettings, folder: Path) -> Causal
     settings = replace(
         settings,
         training_count=about["count"],
+        action_repeat=about.get("action_repeat", 1),
         **{name: about[name] for name in ("inference_fraction", "sequence_length", "n_placebos")},
     )
     task = plugins.task(about["task"])
@@ -78,14 +79,16 @@ def infer_alone(data: Path, settings: DiscoverySettings, folder: Path) -> Causal
     return graph
 
 
-def choose_settings(discoverer: str, preset: str, select: str, fdr: float) -> DiscoverySettings:
+def choose_settings(discoverer: str, preset: str, select: str, fdr: float, action_repeat: int) -> DiscoverySettings:
     """Those of a preset with the choices of the command line. Raises `UserError`."""
     if preset not in PRESETS:
         raise UnknownNameError("preset", preset, PRESETS)
     if select not in SELECTIONS:
         raise UnknownNameError("selection", select, SELECTIONS)
     name = installed().discoverer(discoverer).name
-    return replace(PRESETS[preset], discoverer=name, select=cast(Selection, select), fdr=fdr)
+    settings = replace(PRESETS[preset], discoverer=name, select=cast(Selection, select), fdr=fdr)
+    paired_env_steps = settings.paired_env_steps * action_repeat  # as many states
+    return replace(settings, action_repeat=action_repeat, paired_env_steps=paired_env_steps)
 
 
 def _make(folder: Path) -> None:

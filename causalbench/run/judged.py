@@ -24,12 +24,16 @@ def judge_graph(
     folder: Path,
     on_progress: Callable[[float, str], None],
 ) -> tuple[CausalGraph, tuple[StageTruth, ...]]:
-    """The graph with its score, and the truth from `states` visited states a stage; writes oracle.csv and score.csv."""
+    """The graph with its score, and the truth from `states` visited states a stage; writes oracle.csv and score.csv.
+
+    The truth is about actions held as long as those of the discovery.
+    """
     from causalbench.core.discovery.oracle import consult_oracle
     from causalbench.core.discovery.score import with_score
     from causalbench.core.discovery.tables import oracle_table, score_table
 
-    truth = consult_oracle(task, make_scene, states, seed, on_progress)
+    action_repeat = graph.provenance["settings"]["action_repeat"]
+    truth = consult_oracle(task, make_scene, states, seed, on_progress, action_repeat)
     for name, table in (("oracle.csv", oracle_table(graph, truth)), ("score.csv", score_table(graph, truth))):
         write_text(folder / name, table.to_csv(index=False, lineterminator="\n"))
     return with_score(graph, truth, states), truth

@@ -93,6 +93,20 @@ def test_pairs_are_taken_where_the_environment_scans(name):
     assert not graph.stages[0].matrix[2:, 0].any()  # the arm does not move the base
 
 
+@pytest.mark.parametrize(("action_repeat", "found"), [(1, ("forward",)), (5, ("forward", "turn"))])
+def test_a_turn_brings_a_base_nearer_only_if_it_is_held_while_it_drives(action_repeat, found):
+    settings = DiscoverySettings(discoverer="paired", action_repeat=action_repeat, paired_env_steps=900 * action_repeat)
+    scenes = []
+
+    def counting():
+        scenes.append(CountingScene(make(mobile=True)))
+        return scenes[-1]
+
+    graph = discover(MOBILE, counting, settings, 0, _quiet)
+    assert graph.stages[0].causal_actions() == found
+    assert graph.env_steps == sum(scene.steps for scene in scenes) <= MOBILE.n_stages * settings.paired_env_steps
+
+
 @pytest.mark.parametrize("name", PAIRED)
 def test_where_restoring_is_inexact_noise_is_no_cause(name):
     def of_the_hand(previous, action, now):

@@ -103,10 +103,10 @@ def test_divergence_directions_and_floor():
     assert uneven.symmetric.item() == pytest.approx((uneven.forward + uneven.reverse).item() / 2)
 
 
-def _collected(stage, do, count=64):
+def _collected(stage, do, count=64, action_repeat=1):
     steps = []
-    rng = np.random.default_rng(5)
-    samples = collect(TASK, KinematicScene().batch(8), stage, count, do, rng, 10, 1, steps.append)
+    rng, batch = np.random.default_rng(5), KinematicScene().batch(8)
+    samples = collect(TASK, batch, stage, count, do, rng, 10, 1, steps.append, action_repeat=action_repeat)
     return samples, sum(steps)
 
 
@@ -123,6 +123,17 @@ def test_collect_intervenes_on_one_action_only(stage, do):
     assert samples.rewards.shape == (64, len(TASK.stage_terms(stage, discoverable_only=True)))
     np.testing.assert_array_equal(samples.without(3).actions[:, 3], 0)
     np.testing.assert_array_equal(np.delete(samples.without(3).actions, 3, 1), np.delete(samples.actions, 3, 1))
+
+
+def test_an_action_that_is_held_goes_as_many_times_as_far():
+    """r_eefy in stage 1 is 10 times the way along world y towards the box, 2 cm a control step at most."""
+    way = {}
+    for repeat in (1, 3):
+        samples, steps = _collected(1, None, 400, repeat)
+        assert steps == samples.env_steps == 400 * repeat
+        way[repeat] = np.abs(samples.rewards[:, 1] / samples.actions[:, 0]).max() / 10.0
+    assert way[1] == pytest.approx(0.02, rel=1e-4)
+    assert way[3] == pytest.approx(0.06, rel=1e-4)
 
 
 def test_collect_keeps_the_step_that_leaves_the_stage():

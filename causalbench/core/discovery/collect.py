@@ -121,13 +121,15 @@ def collect(
     n_placebos: int,
     on_step: Callable[[int], None],
     sensor: str = "",
+    action_repeat: int = 1,
 ) -> Samples:
     """`count` transitions under uniform random actions and placebos, action `do` (if any) held at 0.
 
-    A step that leaves the stage is kept with the old stage's reward, which is a function of (s, a); then the
-    world is reset into the stage. Dropping it would select samples by a consequence of the action. A sequence
-    also ends after `sequence_length` steps, whatever `count` and the number of worlds, so that more data does not
-    mean other states. `on_step(n)` is told of every n env steps taken. `sensor` is kept, too.
+    A step is one action, held for `action_repeat` env steps. One that leaves the stage is kept with the old stage's
+    reward, which is a function of (s, a); then the world is reset into the stage. Dropping it would select samples by
+    a consequence of the action. A sequence also ends after `sequence_length` steps, whatever `count` and the number of
+    worlds, so that more data does not mean other states. `on_step(n)` is told of every n env steps taken. `sensor` is
+    kept, too.
 
     A step whose state or reward is not finite is left out and ends its sequence; after twice the planned number of
     steps there are fewer samples. Raises `LayoutDrawError` where the stage cannot be entered.
@@ -140,8 +142,8 @@ def collect(
     over = np.ones(batch.n, dtype=bool)
     sequence, n_sequences = np.zeros(batch.n, dtype=np.int32), 0
     chunks: list[tuple[NDArray[Any], ...]] = []
-    collected = steps = 0
-    while collected < count and steps < 2 * max(count, batch.n):
+    collected = tried = 0
+    while collected < count and tried < 2 * max(count, batch.n):
         restart = np.flatnonzero(over)
         if restart.size:
             reset_worlds(task, batch, restart.tolist(), [rng] * restart.size, stage)
@@ -154,7 +156,8 @@ def collect(
             actions[:, do] = 0.0
         full[:, columns] = actions[:, :n_actions]
         frames = sense(batch, sensor)
-        batch.step(full)
+        for _ in range(action_repeat):
+            batch.step(full)
         now = batch.facts()
         result = judge(task, inside, before, actions[:, :n_actions], now)
         rewards = result.vector_reward[:, terms].astype(np.float32)
@@ -163,13 +166,14 @@ def collect(
         columns_now = (states, actions.astype(np.float32), rewards, sequence, frames)
         chunks.append(tuple(column[sound] for column in columns_now))
         collected += int(sound.sum())
-        steps += batch.n
-        on_step(batch.n)
+        tried += batch.n
+        on_step(batch.n * action_repeat)
         length += 1
         over = (result.next_stage != stage) | result.success | (length >= sequence_length) | ~sound
         before = now
     states, acts, rewards, sequences, seen = (np.concatenate(column)[:count] for column in zip(*chunks, strict=True))
-    return Samples(states, acts, rewards, sequences, steps, steps - collected, sensor, (seen,) if sensor else ())
+    steps, refused = tried * action_repeat, tried - collected
+    return Samples(states, acts, rewards, sequences, steps, refused, sensor, (seen,) if sensor else ())
 
 
 def sense(batch: BatchScene, sensor: str) -> NDArray[Any]:

@@ -131,6 +131,7 @@ class Recipe:
             "inference_fraction": self.settings.inference_fraction,
             "worlds": N_WORLDS,
             **({"observation": "paper"} if self.settings.observation == "paper" else {}),
+            **({"action_repeat": self.settings.action_repeat} if self.settings.action_repeat > 1 else {}),
         }
 
     def kept(self, stream: Stream) -> Samples | None:
@@ -143,8 +144,9 @@ class Recipe:
         length, placebos = self.settings.sequence_length, self.settings.n_placebos
         sensor = self.task.sensor_in(self.settings.observation)
         samples = collect(
-            self.task, batch, stream.stage, stream.count, stream.do, rng, length, placebos, on_step, sensor
-        )
+            self.task, batch, stream.stage, stream.count, stream.do, rng, length, placebos, on_step, sensor,
+            self.settings.action_repeat,
+        )  # fmt: skip
         if self.store:
             self.store.save(self.about(stream), samples, self.task)
         return samples
@@ -167,7 +169,7 @@ class Collection:
     def stage(self, stage: int) -> StageSamples:
         """The samples of one stage. Raises `LayoutDrawError` or `UndecidedStageError`."""
         wanted = self.recipe.streams(stage)
-        planned = sum(stream.count for stream in wanted)
+        planned = sum(stream.count for stream in wanted) * self.recipe.settings.action_repeat
 
         def on_steps(steps: int) -> None:
             self.env_steps[stage] = steps

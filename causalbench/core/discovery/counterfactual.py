@@ -23,11 +23,15 @@ RESAMPLES = 2000
 class Walk:
     """Visits states of `stage` as random sequences do: `visit`, then `take` what it drew and `reward_of` anything else.
 
-    A sequence ends with a step that leaves the stage, and after `length` steps.
+    A step is one action, held for `action_repeat` control steps. A sequence ends with a step that leaves the stage, and
+    after `length` steps.
     """
 
-    def __init__(self, task: Task, scene: Scene, stage: int, rng: np.random.Generator, length: int) -> None:
+    def __init__(
+        self, task: Task, scene: Scene, stage: int, rng: np.random.Generator, length: int, action_repeat: int = 1
+    ) -> None:
         self.task, self.stage, self.length, self.rng = task, stage, length, rng
+        self.action_repeat = action_repeat
         self.terms = task.stage_terms(stage, discoverable_only=True)
         self.sequence = -1  # number of the sequence that the state belongs to
         self._env = StageTaskEnv(task, scene)
@@ -60,7 +64,7 @@ class Walk:
         return reward
 
     def reward_of(self, action: Array) -> Array:
-        """(n_terms,) rewards of the stage's terms for `action` (n_actions,) in the visited state; one control step."""
+        """(n_terms,) rewards of the stage's terms for `action` (n_actions,) in the visited state."""
         self._elsewhere = True
         return self._try(action)[0]
 
@@ -76,7 +80,8 @@ class Walk:
         scene = self._env.scene
         scene.restore(self._start)
         self._full[self._indices] = action
-        scene.step(self._full)
+        for _ in range(self.action_repeat):
+            scene.step(self._full)
         result = judge(self.task, np.array(self.stage), self._before, action, scene.facts())
         return result.vector_reward[self._columns], result
 

@@ -66,13 +66,22 @@ def _grade(effect: float, low: float, high: float) -> Grade:
 
 
 def consult_oracle(
-    task: Task, make_scene: Callable[[], Scene], states: int, seed: int, on_progress: Callable[[float, str], None]
+    task: Task,
+    make_scene: Callable[[], Scene],
+    states: int,
+    seed: int,
+    on_progress: Callable[[float, str], None],
+    action_repeat: int = 1,
 ) -> tuple[StageTruth, ...]:
-    """The truth of every stage from `states` visited states each; takes (n_actions + 2) control steps per state."""
+    """The truth of every stage about actions held for `action_repeat` steps, from `states` visited states each.
+
+    Takes (n_actions + 2) * `action_repeat` control steps per state.
+    """
     scene = make_scene()
     try:
         return tuple(
-            _stage_truth(task, scene, stage, states, seed, on_progress) for stage in range(1, task.n_stages + 1)
+            _stage_truth(task, scene, stage, states, seed, on_progress, action_repeat)
+            for stage in range(1, task.n_stages + 1)
         )
     finally:
         scene.close()
@@ -92,11 +101,17 @@ def oracle_graph(task: Task, truth: tuple[StageTruth, ...], seed: int) -> Causal
 
 
 def _stage_truth(
-    task: Task, scene: Scene, stage: int, states: int, seed: int, on_progress: Callable[[float, str], None]
+    task: Task,
+    scene: Scene,
+    stage: int,
+    states: int,
+    seed: int,
+    on_progress: Callable[[float, str], None],
+    action_repeat: int,
 ) -> StageTruth:
     terms = task.stage_terms(stage, discoverable_only=True)
     rng = np.random.default_rng([seed, stage])
-    walk = Walk(task, scene, stage, rng, SEQUENCE_LENGTH)
+    walk = Walk(task, scene, stage, rng, SEQUENCE_LENGTH, action_repeat)
     k = len(task.actions)
     rewards = np.empty((states, k + 2, len(terms)))
     sequence = np.zeros(states, dtype=np.int64)

@@ -41,9 +41,10 @@ def discover_stage(problem: StageProblem) -> StageGraph:
     task, stage, settings = problem.task, problem.stage, problem.settings
     scene = problem.scene()
     rng = np.random.default_rng([problem.seed, stage, STREAM])
-    edges = _Edges(Walk(task, scene, stage, rng, settings.sequence_length), "exact_restore" in scene.spec.capabilities)
-    next_look = FIRST_LOOK
-    while edges.open.any() and edges.env_steps + len(task.actions) + 3 <= settings.paired_env_steps:
+    walk = Walk(task, scene, stage, rng, settings.sequence_length, settings.action_repeat)
+    edges = _Edges(walk, "exact_restore" in scene.spec.capabilities)
+    next_look, most = FIRST_LOOK, (len(task.actions) + 3) * settings.action_repeat  # that one state takes
+    while edges.open.any() and edges.env_steps + most <= settings.paired_env_steps:
         edges.measure()
         if edges.walk.sequence >= next_look:
             edges.look(rng)
@@ -99,7 +100,7 @@ class _Edges:
         action = drawn.copy()
         action[off or []] = 0.0
         reward = self.walk.take(action) if off is None else self.walk.reward_of(action)
-        self.env_steps += 1
+        self.env_steps += self.walk.action_repeat
         self.steps.append((self.walk.model_inputs(), action, reward, self.walk.sequence))
         return reward
 

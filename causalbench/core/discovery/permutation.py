@@ -27,10 +27,10 @@ ROUNDING = 1e-12  # variances of the term: a difference of a millionth of a devi
 
 
 def discover_stage(problem: StageProblem) -> StageGraph:
-    """Test every edge of one stage on `permutation_states` states; takes (n_actions + 2) control steps a state."""
+    """Test every edge of one stage on `permutation_states` states; each takes (n_actions + 2) actions."""
     task, stage, settings = problem.task, problem.stage, problem.settings
     rng = np.random.default_rng([problem.seed, stage, STREAM])
-    walk = Walk(task, problem.scene(), stage, rng, settings.sequence_length)
+    walk = Walk(task, problem.scene(), stage, rng, settings.sequence_length, settings.action_repeat)
     rewards = []
     for n in range(settings.permutation_states):
         rewards.append(walk.compare())

@@ -19,6 +19,7 @@ class DiscoverySettings:
     training_count: int = 3_000  # samples in D_random and in each D_do[a_k], per stage
     inference_fraction: float = 0.2  # size of D_inference relative to training_count
     sequence_length: int = 10  # steps before the scene is reset into the stage; never a function of sample count
+    action_repeat: int = 1  # control steps for which an action is held while its effect is watched; each one counts
     batch_size: int = 256
     learning_rate: float = 2e-3
     max_epochs: int = 40
