@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import torch
+from pages import DOCS
 
 from causalbench.core.discovery.calibration import calibrate
 from causalbench.core.discovery.collect import Samples, StageSamples
@@ -38,7 +39,7 @@ from causalbench.store.files import write_text
 from causalbench.store.samples import SampleFolder
 
 BACKENDS = ("kinematic", "gymrob", "robosuite", "pybullet")
-RUNS, DOCS = Path("runs/discoveries"), Path("docs/data")
+RUNS = Path("runs/discoveries")
 Row = dict[str, Any]
 
 

@@ -18,11 +18,11 @@ from pathlib import Path
 
 import pandas as pd
 import yaml
+from pages import DOCS
 
 from causalbench.core.learners.settings import PRESETS
 from causalbench.report.stats import area_under
 
-DOCS = Path("docs/data")
 GRID = {
     "SAC": ("ent_coef_init", (0.01, 0.05, 0.2), (3e-4, 1e-3)),
     "PPO": ("log_std_init", (-1.0, -0.5, 0.0), (1e-4, 3e-4, 1e-3)),

@@ -231,7 +231,7 @@ class Collection:
         random, inference = named.pop("random", empty), named.pop("inference", empty)
         shortest = min(map(len, named.values()), default=0)
         extra, *interventions = [named.pop("placebo", None), *named.values()]
-        if self.recipe.settings.sequence_length > 1 and len(np.unique(random.sequence)) == len(random):
+        if self.recipe.settings.sequence_length > 1 and 0 < len(random) == len(np.unique(random.sequence)):
             notes.append("every random step left the stage, so that each sample is a first step")
         return StageSamples(
             random,
