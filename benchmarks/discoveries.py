@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import torch
-from pages import DOCS
+from pages import DOCS, merged
 
 from causalbench.core.discovery.calibration import calibrate
 from causalbench.core.discovery.collect import Samples, StageSamples
@@ -171,19 +171,21 @@ def measured(path: Path, measure: Callable[[], Iterable[Row]]) -> None:
     if path.exists():
         return
     table = pd.DataFrame(list(measure()))
-    _write(path, table)
+    write(path, table)
     print(path if len(table) > 8 else table.to_string(index=False), flush=True)
 
 
-def put_together(work: Path, name: str, docs: Path) -> pd.DataFrame:
-    """All measurements in `work`, written to docs/NAME.csv; what stands there if there are none."""
+def put_together(work: Path, name: str, docs: Path, keys: Sequence[str] = ("backend", "seed")) -> pd.DataFrame:
+    """docs/NAME.csv, after the measurements in `work` have replaced its rows of the same `keys`."""
     files = sorted(work.glob("*.csv"))
     if files:
-        _write(docs / f"{name}.csv", pd.concat([pd.read_csv(path) for path in files], ignore_index=True))
+        new = pd.concat([pd.read_csv(path) for path in files], ignore_index=True)
+        write(docs / f"{name}.csv", merged(docs / f"{name}.csv", new, keys))
     return pd.read_csv(docs / f"{name}.csv")
 
 
-def _write(path: Path, table: pd.DataFrame) -> None:
+def write(path: Path, table: pd.DataFrame) -> None:
+    """A table as CSV."""
     path.parent.mkdir(parents=True, exist_ok=True)
     write_text(path, table.to_csv(index=False, lineterminator="\n", float_format="%.6g"))
 

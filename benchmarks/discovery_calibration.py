@@ -108,7 +108,7 @@ def main() -> None:
     true = truth() if missing else []
     for seed in missing:
         measured(args.work / f"{seed:02d}.csv", lambda s=seed: edges(graph_of(s, args.discoveries), true, s))
-    table = put_together(args.work, NAME, args.docs)
+    table = put_together(args.work, NAME, args.docs, ("seed",))
     print(summary(table).to_string(index=False))
     print(p_values_of_absent_edges(table).to_string(index=False))
 

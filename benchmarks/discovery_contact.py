@@ -123,7 +123,7 @@ def main() -> None:
         if len(args.seeds) > 1:
             measured(args.work / "inputs" / f"{backend}.csv", partial(inputs, backend, [*args.seeds], args.discoveries))
     for name in ("motion", "pairs", "inputs"):
-        print(put_together(args.work / name, f"{NAME}_{name}", args.docs).round(4).to_string(index=False))
+        print(put_together(args.work / name, f"{NAME}_{name}", args.docs, ("backend",)).round(4).to_string(index=False))
 
 
 if __name__ == "__main__":

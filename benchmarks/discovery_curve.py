@@ -128,7 +128,8 @@ def main() -> None:
                         continue  # its cost is cubic
                     path = args.work / f"{backend}-{seed}-{size}-{method}.csv"
                     measured(path, partial(rows_of, backend, seed, method, size, made, args.work))
-    draw(put_together(args.work, NAME, args.docs), args.docs.parent / "figures" / f"{NAME}.svg")
+    table = put_together(args.work, NAME, args.docs, ("backend", "seed", "samples", "method"))
+    draw(table, args.docs.parent / "figures" / f"{NAME}.svg")
 
 
 if __name__ == "__main__":

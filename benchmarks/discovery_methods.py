@@ -94,7 +94,8 @@ def main() -> None:
             for method in args.methods:
                 path = args.work / f"{backend}-{seed}-{method}.csv"
                 measured(path, partial(rows_of, backend, seed, method, made))
-    print(summary(put_together(args.work, NAME, args.docs)).round(2).to_string(index=False))
+    table = put_together(args.work, NAME, args.docs, ("backend", "seed", "method"))
+    print(summary(table).round(2).to_string(index=False))
 
 
 if __name__ == "__main__":

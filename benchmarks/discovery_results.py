@@ -18,11 +18,11 @@ from pathlib import Path
 import numpy as np
 import pages
 import pandas as pd
-from discoveries import BACKENDS, Row, judged, measured, read_graph, read_truth
+from discoveries import BACKENDS, Row, judged, read_graph, read_truth, write
 from discovery_calibration import FDR, p_values_of_absent_edges
 from discovery_calibration import summary as calibration_summary
 from discovery_methods import summary as methods_summary
-from pages import Frames, Tables, rounded
+from pages import Frames, Tables, merged, rounded
 
 from causalbench.core.discovery.graph import manual_graph, used_kl
 from causalbench.core.discovery.score import score_matrix
@@ -35,7 +35,7 @@ PAGE = Path("docs/discovery_results.md")
 
 
 def read_discoveries(root: Path, docs: Path) -> None:
-    """Write every edge of every discovery in `root`, and a row per discovery."""
+    """Renew every edge of every discovery in `root`, and its row; discoveries that are not there keep theirs."""
     made = [
         (backend, int(path.name.rpartition("-s")[2]), path)
         for backend in BACKENDS
@@ -44,8 +44,8 @@ def read_discoveries(root: Path, docs: Path) -> None:
     ]
     tables = {"discovery_edges": _edges, "discovery_seeds": _seeds, "discovery_directions": _directions}
     for name, rows in tables.items():
-        (docs / f"{name}.csv").unlink(missing_ok=True)
-        measured(docs / f"{name}.csv", lambda of=rows: [row for one in made for row in of(*one)])
+        new = pd.DataFrame([row for one in made for row in rows(*one)])
+        write(docs / f"{name}.csv", merged(docs / f"{name}.csv", new, ("backend", "seed")))
 
 
 def draw_first(root: Path, figures: Path) -> None:

@@ -52,7 +52,7 @@ def main() -> None:
     args = options(__doc__, NAME, BACKENDS, 5).parse_args()
     for backend in args.backends:
         measured(args.work / f"{backend}.csv", partial(rows_of, backend, [*args.seeds], args.discoveries))
-    print(put_together(args.work, NAME, args.docs).to_string(index=False))
+    print(put_together(args.work, NAME, args.docs, ("backend",)).to_string(index=False))
 
 
 if __name__ == "__main__":

@@ -21,7 +21,7 @@ import pages
 import pandas as pd
 import tuning_grid
 import yaml
-from pages import Frames, Tables, rounded
+from pages import Frames, Tables, merged, rounded
 
 from causalbench.core.learners.methods import METHODS
 from causalbench.core.tasks.rewards import COLLISION
@@ -46,19 +46,10 @@ def read_run(run: Path, docs: Path) -> str:
     made = [cells[f"{r.task}-{r.backend}-{r.method}-s{r.seed}"] for r in results.itertuples()]
     results = results.assign(collisions_per_episode=hits[made].to_numpy(), seconds=seconds[made].round(1).to_numpy())
     for kind, table in (("results", results), ("curves", pd.read_csv(run / "curves.csv"))):
-        merged(docs / f"{name}_{kind}.csv", table).to_csv(
+        merged(docs / f"{name}_{kind}.csv", table, KEYS).to_csv(
             docs / f"{name}_{kind}.csv", index=False, lineterminator="\n", float_format="%.6g"
         )
     return str(name)
-
-
-def merged(path: Path, new: pd.DataFrame) -> pd.DataFrame:
-    """`new` and what `path` has of other cells, so that seeds and backends can be run one after another."""
-    if path.exists():
-        old = pd.read_csv(path)
-        known = set(map(tuple, new[list(KEYS)].to_numpy()))
-        new = pd.concat([new, old[[tuple(key) not in known for key in old[list(KEYS)].to_numpy()]]])
-    return new.sort_values(list(KEYS), kind="stable")
 
 
 def draw(name: str, docs: Path) -> None:

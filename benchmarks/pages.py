@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import re
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import pandas as pd
@@ -16,6 +16,16 @@ Frames = Mapping[str, pd.DataFrame]
 """Every file of docs/data by its name without `.csv`."""
 Tables = Mapping[str, tuple[Callable[[Frames], pd.DataFrame], tuple[str, ...]]]
 """By name of a table: what draws it, and the files it needs; one that is not there is "not measured"."""
+
+
+def merged(path: Path, new: pd.DataFrame, keys: Sequence[str]) -> pd.DataFrame:
+    """`new` and the rows that `path` has of other `keys`, by `keys`: what is not measured again keeps its rows."""
+    keys = list(keys)
+    if path.exists():
+        old = pd.read_csv(path)
+        known = set(map(tuple, new[keys].to_numpy()))
+        new = pd.concat([new, old[[tuple(key) not in known for key in old[keys].to_numpy()]]])
+    return new.sort_values(keys, kind="stable", ignore_index=True)
 
 
 def rounded(table: pd.DataFrame, **digits: int) -> pd.DataFrame:

@@ -8,6 +8,7 @@ from pathlib import Path
 import discoveries
 import learning_results
 import numpy as np
+import pages
 import pandas as pd
 import pytest
 import tuning_grid
@@ -62,7 +63,7 @@ def test_a_measurement_is_made_once(tmp_path):
         discoveries.measured(tmp_path / "a.csv", lambda: calls.append(1) or [{"x": 1}])
     assert calls == [1]
     pd.testing.assert_frame_equal(
-        discoveries.put_together(tmp_path, "all", tmp_path / "docs"), pd.DataFrame({"x": [1]})
+        discoveries.put_together(tmp_path, "all", tmp_path / "docs", ("x",)), pd.DataFrame({"x": [1]})
     )
 
 
@@ -137,12 +138,9 @@ def test_what_is_read_of_a_run_are_its_results_with_collisions_and_seconds(tmp_p
     assert len(pd.read_csv(docs / "tiny_curves.csv")) == 2
 
 
-def test_cells_that_a_run_does_not_have_keep_their_rows(tmp_path):
+def test_what_is_not_measured_again_keeps_its_rows(tmp_path):
     old = pd.DataFrame({"task": "t", "backend": "b", "method": "m", "seed": [0, 1], "x": [1, 2]})
     old.to_csv(tmp_path / "x.csv", index=False)
     new = old.assign(seed=[1, 2], x=[3, 4])
-    assert learning_results.merged(tmp_path / "x.csv", new)[["seed", "x"]].to_numpy().tolist() == [
-        [0, 1],
-        [1, 3],
-        [2, 4],
-    ]
+    table = pages.merged(tmp_path / "x.csv", new, ("backend", "method", "seed"))
+    assert table[["seed", "x"]].to_numpy().tolist() == [[0, 1], [1, 3], [2, 4]]
