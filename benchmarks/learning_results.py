@@ -23,12 +23,14 @@ import tuning_grid
 import yaml
 from pages import Frames, Tables, merged, rounded
 
-from causalbench.core.learners.methods import METHODS
+from causalbench.core.learners.methods import METHODS, Method
 from causalbench.core.tasks.rewards import COLLISION
 from causalbench.report.tables import KEYS
 
 PAGE = Path("docs/learning_results.md")
 ORDER = [method.name for method in METHODS]
+# Okabe and Ito's, which colour-blind readers tell apart; yellow is too light for a line.
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00")
 
 
 def read_run(run: Path, docs: Path) -> str:
@@ -53,26 +55,42 @@ def read_run(run: Path, docs: Path) -> str:
 
 
 def draw(name: str, docs: Path) -> None:
-    """Success over environment steps, a panel per backend: mean over seeds and every seed, as NAME_curves.svg."""
+    """Success over environment steps as NAME_curves.svg: mean over seeds, thick, and every seed.
+
+    A column per backend; a row of the methods, and one of each family's ablations and controls beside their model.
+    """
     curves = pd.read_csv(docs / f"{name}_curves.csv")
-    backends = list(dict.fromkeys(curves["backend"]))
+    backends, found = list(dict.fromkeys(curves["backend"])), [m for m in METHODS if m.name in set(curves["method"])]
+    rows = [[m for m in found if "-" not in m.name]]
+    for model in ("cmSAC", "cmPPO"):
+        family = [m for m in found if m.name.split("-")[0] == model]
+        rows += [family] if len(family) > 1 else []
+    size = (1.6 + 4.5 * len(backends), 0.5 + 3.2 * len(rows))
     figure, axes = plt.subplots(
-        1, len(backends), figsize=(1 + 4.5 * len(backends), 4), sharey=True, squeeze=False, layout="constrained"
+        len(rows), len(backends), figsize=size, sharex=True, sharey=True, squeeze=False, layout="constrained"
     )
-    found = set(curves["method"])
-    methods = [m for m in ORDER if m in found]
-    for axis, backend in zip(axes[0], backends, strict=True):
-        for i, method in enumerate(methods):
-            here = curves.query("backend == @backend and method == @method")
-            wide = here.pivot(index="env_steps", columns="seed", values="success_deterministic")
-            style = {"color": plt.cm.tab10(i % 10), "linestyle": ("-", "--", ":")[i // 10]}
-            axis.plot(wide.index, wide, lw=0.5, alpha=0.5, **style)
-            axis.plot(wide.index, wide.mean(axis=1), lw=2, label=method, **style)
-        axis.set(title=backend, xlabel="environment steps", ylim=(-0.03, 1.03))
-    axes[0][0].set_ylabel("success, deterministic policy")
-    axes[0][-1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+    for methods, panels in zip(rows, axes, strict=True):
+        for backend, axis in zip(backends, panels, strict=True):
+            for method in methods:
+                line = _line(method)
+                peers = [m for m in methods if _line(m) == line]
+                style = {"color": COLOURS[peers.index(method)], "linestyle": line}
+                here = curves[(curves["backend"] == backend) & (curves["method"] == method.name)]
+                wide = here.pivot(index="env_steps", columns="seed", values="success_deterministic")
+                axis.plot(wide.index, wide, lw=0.6, alpha=0.5, **style)
+                axis.plot(wide.index, wide.mean(axis=1), lw=2, label=method.name, **style)
+            axis.set(title=backend, ylim=(-0.03, 1.03))
+        panels[0].set_ylabel("success, deterministic policy")
+        panels[-1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+    for axis in axes[-1]:
+        axis.set_xlabel("environment steps")
     figure.savefig(docs.parent / "figures" / f"{name}_curves.svg", metadata={"Date": None})
     plt.close(figure)
+
+
+def _line(method: Method) -> str:
+    """Controls are dotted, PPO is dashed."""
+    return ":" if method.control != "none" else {"SAC": "-", "PPO": "--"}[method.learner]
 
 
 # One function a table of the page.
