@@ -129,7 +129,8 @@ def _floor(graph: CausalGraph) -> str:
 
 def _stage_table(graph: StageGraph) -> Table:
     causal = ", ".join(graph.causal_actions()) or "none"
-    table = Table("action", title=f"Stage {graph.stage}: causal actions {causal}", title_justify="left")
+    enough = "" if graph.sufficient is None else f"; enough for a policy: {', '.join(graph.sufficient)}"
+    table = Table("action", title=f"Stage {graph.stage}: causal actions {causal}{enough}", title_justify="left")
     for term in graph.terms:
         table.add_column(f"{term}\nselected  {_evidence_names(graph)}")
     for row, action in enumerate(graph.actions):

@@ -34,6 +34,7 @@ class Walk:
         self.action_repeat = action_repeat
         self.terms = task.stage_terms(stage, discoverable_only=True)
         self.sequence = -1  # number of the sequence that the state belongs to
+        self.ended = self.finished = 0  # sequences that are over, and those of them that finished the stage
         self._env = StageTaskEnv(task, scene)
         self._columns = [task.term_names.index(name) for name in self.terms]
         self._indices = np.array([scene.spec.actions.index(a) for a in task.actions])
@@ -58,8 +59,11 @@ class Walk:
         """As `reward_of`, and the sequence goes on from there."""
         reward, result = self._try(action)
         self._left -= 1
-        left_stage = int(result.next_stage) != self.stage or bool(result.success)
-        self._over = left_stage or self._left == 0 or not np.isfinite(reward).all()
+        finished = int(result.next_stage) > self.stage or bool(result.success)
+        fell_back = int(result.next_stage) < self.stage
+        self._over = finished or fell_back or self._left == 0 or not np.isfinite(reward).all()
+        self.ended += self._over
+        self.finished += finished
         self._after, self._elsewhere = self._env.scene.snapshot(), False
         return reward
 

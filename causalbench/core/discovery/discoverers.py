@@ -100,6 +100,7 @@ DISCOVERERS: Mapping[str, Discoverer] = {
     for row in (
         Discoverer("kl", _from("kl"), "KL of reward models with and without the action (the paper)"),
         Discoverer("paired", _from("paired"), "effect sizes from paired interventions, until each edge is decided"),
+        Discoverer("sufficient", _from("sufficient"), "as paired, then as few of the causes as finish the stage"),
         Discoverer("permutation", _from("permutation"), "permutation test on paired interventions"),
         Discoverer("cmi", _from("cmi"), "conditional mutual information (CausalMoMa)", reads=OBSERVED),
         Discoverer("fisher_z", _from("independence", "by_fisher_z"), "partial correlation", *CAUSAL_LEARN, RANDOM),

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from causalbench.core.tasks.task import Task
 from causalbench.errors import InvalidGraphError
 
-SCHEMA = 2
+SCHEMA = 3
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,8 @@ class StageGraph:
     `q_value` what they say of each edge (`calibration.q_values`).
     `cv` and `kl_normalised` are those of Algorithm 2. They are the discoverer `kl`'s; `evidence` holds the tables by
     which another one decided, named as its documentation says. A term whose reward never varied is untestable: its
-    column is taken from the task's declared graph. `notes` says in sentences what did not go as planned.
+    column is taken from the task's declared graph. `sufficient` names the causes that a policy is built on, where a
+    discoverer found that fewer than all do. `notes` says in sentences what did not go as planned.
     """
 
     stage: int
@@ -44,11 +45,16 @@ class StageGraph:
     cv: NDArray[np.float64] | None = None  # (n_terms,), like the one that follows
     testable: NDArray[np.bool_] | None = None
     evidence: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)  # each (n_actions, n_terms)
+    sufficient: tuple[str, ...] | None = None  # None: all causes
     notes: tuple[str, ...] = ()
 
     def causal_actions(self) -> tuple[str, ...]:
         """Actions with a cause in some column, in order (paper, eq. CausalActions)."""
         return tuple(a for a, row in zip(self.actions, self.matrix, strict=True) if row.any())
+
+    def policy_actions(self) -> tuple[str, ...]:
+        """The causal actions that a policy sets; the others stay at 0."""
+        return self.causal_actions() if self.sufficient is None else self.sufficient
 
 
 @dataclass(frozen=True)
@@ -118,6 +124,11 @@ class CausalGraph:
                 raise InvalidGraphError(
                     f"causal graph {self.hash}, stage {graph.stage}: actions or terms differ from the task's"
                 )
+            if not set(graph.policy_actions()) <= set(graph.causal_actions()) or graph.sufficient == ():
+                raise InvalidGraphError(
+                    f"causal graph {self.hash}, stage {graph.stage}: the sufficient actions {graph.sufficient} are not "
+                    f"some of its causal actions {graph.causal_actions()}"
+                )
             if not graph.matrix.any():
                 raise InvalidGraphError(
                     f"causal graph {self.hash}, stage {graph.stage}: no action causes any reward, so no policy can be "
@@ -152,7 +163,7 @@ def declared_matrix(task: Task, stage: int, terms: tuple[str, ...]) -> NDArray[n
 
 
 def _stage_graph(data: dict[str, Any]) -> StageGraph:
-    names = {k: tuple(data[k]) for k in ("actions", "terms", "notes")}
+    names = {k: tuple(data[k]) for k in ("actions", "terms", "notes", "sufficient") if data[k] is not None}
     arrays = {k: np.array(v) for k, v in data.items() if isinstance(v, list) and k not in names}
     evidence = {k: np.array(v) for k, v in data["evidence"].items()}
     return StageGraph(**(data | arrays | names | {"evidence": evidence}))

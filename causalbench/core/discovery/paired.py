@@ -37,7 +37,12 @@ STREAM = 100  # beside the numbers of the sets of samples, so that no generator 
 
 
 def discover_stage(problem: StageProblem) -> StageGraph:
-    """Measure and decide the edges of one stage, with at most `paired_env_steps` control steps."""
+    """Decide the edges of one stage, with at most `paired_env_steps` control steps."""
+    return measure(problem)[0]
+
+
+def measure(problem: StageProblem) -> tuple[StageGraph, Walk]:
+    """The graph of one stage, and the random walk that visited its states."""
     task, stage, settings = problem.task, problem.stage, problem.settings
     scene = problem.scene()
     rng = np.random.default_rng([problem.seed, stage, STREAM])
@@ -54,7 +59,7 @@ def discover_stage(problem: StageProblem) -> StageGraph:
         raise UndecidedStageError(f"{edges.refused} of {edges.refused + len(edges.taken)} states were not finite")
     edges.look(rng)
     problem.keep("pairs", edges.samples())
-    return edges.graph(declared_matrix(task, stage, edges.walk.terms))
+    return edges.graph(declared_matrix(task, stage, walk.terms)), walk
 
 
 class _Edges:

@@ -65,7 +65,7 @@ def stage_plan(
     matrix = training_matrix(task, graph, stage)
     actions = np.arange(n_actions)
     if method.action_space == "causal":
-        own = graph.stages[stage - 1].causal_actions()
+        own = graph.stages[stage - 1].policy_actions()
         actions = np.array([k for k, name in enumerate(task.actions) if name in own])
     matrix = matrix[actions]
     if method.gradient == "scalar":

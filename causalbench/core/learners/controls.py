@@ -90,7 +90,7 @@ def control_graph(name: str, graph: CausalGraph, task: Task, batch: BatchScene, 
     actions do not solve a stage.
     """
     stages, changed = [], []
-    allowed = {own.stage: own.causal_actions() for own in graph.stages}
+    allowed = {own.stage: own.policy_actions() for own in graph.stages}
 
     @cache
     def solvable(stage: int, actions: tuple[str, ...]) -> bool:
@@ -99,12 +99,13 @@ def control_graph(name: str, graph: CausalGraph, task: Task, batch: BatchScene, 
 
     for own in graph.stages:
         rng = np.random.default_rng([seed, own.stage])
-        if not solvable(own.stage, own.causal_actions()):
+        if not solvable(own.stage, own.policy_actions()):
             raise InvalidGraphError(
                 f"causal graph {graph.hash}, stage {own.stage}: the scripted expert cannot solve the stage with "
-                f"{' '.join(own.causal_actions())} alone, so no control of it would prove anything; discover again"
+                f"{' '.join(own.policy_actions())} alone, so no control of it would prove anything; discover again"
             )
-        for matrix in CONTROLS[name](own.matrix, rng):
+        set_by_policy = np.isin(own.actions, own.policy_actions())
+        for matrix in CONTROLS[name](own.matrix & set_by_policy[:, None], rng):
             candidate = StageGraph(own.stage, own.actions, own.terms, matrix)
             if solvable(own.stage, candidate.causal_actions()):
                 changed.append(own.stage)
