@@ -78,6 +78,15 @@ def test_other_sets_have_as_many_actions_and_only_grip_can_grasp(controls):
         assert control.causal_actions() != own.causal_actions()
 
 
+def test_a_control_starts_from_the_actions_that_a_policy_sets(batch):
+    """Stage 4 with every action a cause, and grip enough."""
+    *first, last = GRAPH.stages
+    all_causes = dataclasses.replace(last, matrix=np.ones_like(last.matrix), sufficient=("grip",))
+    control = control_graph("plus1", dataclasses.replace(GRAPH, stages=(*first, all_causes)), TASK, batch, seed=3)
+    assert len(control.stages[3].policy_actions()) == 2
+    assert "grip" in control.stages[3].policy_actions()
+
+
 def test_controls_are_a_function_of_the_seed(batch):
     same, again, different = (control_graph("redrawn", GRAPH, TASK, batch, seed) for seed in (0, 0, 1))
     assert same.hash == again.hash != different.hash

@@ -22,7 +22,7 @@ from causalbench.errors import UnknownNameError
 from causalbench.store.samples import SampleFolder
 
 SMALL = DiscoverySettings(training_count=1500, max_epochs=12, kci_samples=300)
-PAIRED = ("paired", "permutation")
+PAIRED = ("paired", "sufficient", "permutation")
 
 
 def _quiet(share, doing):

@@ -27,16 +27,18 @@ if TYPE_CHECKING:
 
 LEAST_SHARE = 0.05  # of random sequences that must finish a stage; below it a comparison would take too many of them
 HALVES, TRIALS = 120, 20  # sequences on a random half of the causes, and on the chosen ones
+LEAST_COMPARED = 60  # sequences on all actions; `paired` mostly took as many already
 LEVEL = 0.05  # chance that a cause which does not matter is chosen, and that a set which is no better passes
 STREAM = 103  # beside the numbers of the sets of samples and of the other discoverers
 
 
 def discover_stage(problem: StageProblem) -> StageGraph:
-    """The graph of `paired` with the causes that are enough, for at most `HALVES` + `TRIALS` sequences more."""
+    """The graph of `paired` with the causes that are enough; up to 200 sequences more where there is a choice."""
     graph, walk = measure(problem)
-    causes, everything = graph.causal_actions(), f"{walk.finished} of {walk.ended} with all actions"
+    causes = graph.causal_actions()
     if walk.finished < LEAST_SHARE * walk.ended:
-        return _with_note(graph, f"random sequences hardly finish the stage ({everything}): all causes stay")
+        few = f"{walk.finished} of {walk.ended} random sequences finished the stage"
+        return _with_note(graph, f"{few}, too few to compare sets of causes by: all stay")
     rng = np.random.default_rng([problem.seed, problem.stage, STREAM])
     is_cause = np.isin(graph.actions, causes)
     sets = is_cause & (rng.random((HALVES, len(is_cause))) < 0.5)
@@ -47,7 +49,10 @@ def discover_stage(problem: StageProblem) -> StageGraph:
     if not names or names == causes:
         return _with_note(graph, "no cause stands out where a random half of them finished the stage: all stay")
     alone = np.array([_finishes(tried, chosen) for _ in range(TRIALS)])
-    said = f"random {' '.join(names)} finished the stage {alone.sum()} times of {TRIALS}, {everything}"
+    while walk.ended < LEAST_COMPARED:
+        walk.take(walk.visit())
+    said = f"random {' '.join(names)} finished the stage {alone.sum()} times of {TRIALS}"
+    said += f", all actions {walk.finished} of {walk.ended}"
     if not _oftener(alone, np.arange(walk.ended) < walk.finished):
         return _with_note(graph, f"{said}: no better, so all causes stay")
     return _with_note(replace(graph, sufficient=names), f"{said}: enough for a policy")
