@@ -3,6 +3,7 @@
     python benchmarks/discovery_results.py                       # write them into the page
     python benchmarks/discovery_results.py --check               # fail if the page says something else
     python benchmarks/discovery_results.py --read runs/discoveries   # first renew what is read from discoveries
+    python benchmarks/discovery_results.py --cheap RUNFOLDER...      # first renew cells of suites/cheap_discovery.yaml
 
 The other benchmarks write the other files; one that is not there is "not measured".
 """
@@ -18,6 +19,7 @@ from pathlib import Path
 import numpy as np
 import pages
 import pandas as pd
+import yaml
 from discoveries import BACKENDS, Row, judged, read_graph, read_truth, write
 from discovery_calibration import FDR, p_values_of_absent_edges
 from discovery_calibration import summary as calibration_summary
@@ -46,6 +48,15 @@ def read_discoveries(root: Path, docs: Path) -> None:
     for name, rows in tables.items():
         new = pd.DataFrame([row for one in made for row in rows(*one)])
         write(docs / f"{name}.csv", merged(docs / f"{name}.csv", new, ("backend", "seed")))
+
+
+def read_cheap(run: Path, docs: Path) -> None:
+    """Renew the cells of a run in cheap_discovery.csv; `discoverer` is "none" for a method without a graph."""
+    discoverer = yaml.safe_load((run / "suite.yaml").read_text(encoding="utf-8"))["discovery"]["discoverer"]
+    new = pd.read_csv(run / "results.csv")
+    new.insert(3, "discoverer", np.where(new["discovery_env_steps"] > 0, discoverer, "none"))
+    path = docs / "cheap_discovery.csv"
+    write(path, merged(path, new, ("backend", "method", "discoverer", "seed")))
 
 
 def draw_first(root: Path, figures: Path) -> None:
@@ -347,10 +358,13 @@ def main() -> None:
     """Renew or check the page."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--read", type=Path, help="folder that discoveries.py filled")
+    parser.add_argument("--cheap", type=Path, nargs="+", default=[], help="run folders of suites/cheap_discovery.yaml")
     args = pages.arguments(parser)
     if args.read:
         read_discoveries(args.read, args.docs)
         draw_first(args.read, args.docs.parent / "figures")
+    for run in args.cheap:
+        read_cheap(run, args.docs)
     pages.renew(PAGE, TABLES, args)
 
 

@@ -43,7 +43,7 @@ def read_run(run: Path, docs: Path) -> str:
     seconds = pd.read_csv(run / "timing.csv").set_index("cell")["seconds"]
     returns = pd.read_csv(run / "returns.csv")
     last = returns[returns["env_steps"] == returns.groupby("cell")["env_steps"].transform("max")]
-    hits = last[last["term"].str.startswith("r_collision")].groupby("cell")["mean_return"].sum() / COLLISION
+    hits = last[last["term"].str.startswith("r_collision")].groupby("cell")["mean_return"].sum().abs() / abs(COLLISION)
     cells = {cell.rpartition("-")[0]: cell for cell in seconds.index}
     made = [cells[f"{r.task}-{r.backend}-{r.method}-s{r.seed}"] for r in results.itertuples()]
     results = results.assign(collisions_per_episode=hits[made].to_numpy(), seconds=seconds[made].round(1).to_numpy())
