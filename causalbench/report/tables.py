@@ -26,7 +26,7 @@ CURVES = (*KEYS, "env_steps", "success_deterministic", "success_sampled", "rever
 RETURNS = ("cell", "env_steps", "term", "mean_return")
 DISCOVERY = (
     "task", "backend", "seed", "stage", "reward", "action", "kl", "kl_reverse", "kl_symmetric", "cv", "kl_n",
-    "q_value", "selected", "effect", "effect_low", "effect_high", "grade",
+    "q_value", "selected", "in_policy", "effect", "effect_low", "effect_high", "grade",
 )  # fmt: skip
 STAGES = (*KEYS, "quantity", "from_stage", "to_stage", "count")
 TIMING = ("cell", "state", "seconds", "env_steps", "env_steps_per_second")
@@ -160,6 +160,7 @@ def _edge_rows(graph: StageGraph) -> Iterator[Row]:
                 "action": action,
                 "cv": None if graph.cv is None else float(graph.cv[column]),
                 "selected": int(graph.matrix[row, column]),
+                "in_policy": int(action in graph.policy_actions()),
             } | {name: None if table is None else float(table[row, column]) for name, table in numbers.items()}
 
 
