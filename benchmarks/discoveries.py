@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import torch
-from pages import DOCS, merged
+from pages import DOCS, merge_into, write
 
 from causalbench.core.discovery.calibration import calibrate
 from causalbench.core.discovery.collect import Samples, StageSamples
@@ -35,7 +35,6 @@ from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench.core.tasks.task import Task
 from causalbench.run.alone import discover_alone
 from causalbench.store.cells import DATA
-from causalbench.store.files import write_text
 from causalbench.store.samples import SampleFolder
 
 BACKENDS = ("kinematic", "gymrob", "robosuite", "pybullet")
@@ -180,14 +179,8 @@ def put_together(work: Path, name: str, docs: Path, keys: Sequence[str] = ("back
     files = sorted(work.glob("*.csv"))
     if files:
         new = pd.concat([pd.read_csv(path) for path in files], ignore_index=True)
-        write(docs / f"{name}.csv", merged(docs / f"{name}.csv", new, keys))
+        merge_into(docs / f"{name}.csv", new, keys)
     return pd.read_csv(docs / f"{name}.csv")
-
-
-def write(path: Path, table: pd.DataFrame) -> None:
-    """A table as CSV."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_text(path, table.to_csv(index=False, lineterminator="\n", float_format="%.6g"))
 
 
 def options(about: str | None, name: str, backends: tuple[str, ...], seeds: int) -> argparse.ArgumentParser:

@@ -20,11 +20,11 @@ import numpy as np
 import pages
 import pandas as pd
 import yaml
-from discoveries import BACKENDS, Row, judged, read_graph, read_truth, write
+from discoveries import BACKENDS, Row, judged, read_graph, read_truth
 from discovery_calibration import FDR, p_values_of_absent_edges
 from discovery_calibration import summary as calibration_summary
 from discovery_methods import summary as methods_summary
-from pages import Frames, Tables, merged, rounded
+from pages import Frames, Tables, merge_into, rounded
 
 from causalbench.core.discovery.graph import manual_graph, used_kl
 from causalbench.core.discovery.score import score_matrix
@@ -47,7 +47,7 @@ def read_discoveries(root: Path, docs: Path) -> None:
     tables = {"discovery_edges": _edges, "discovery_seeds": _seeds, "discovery_directions": _directions}
     for name, rows in tables.items():
         new = pd.DataFrame([row for one in made for row in rows(*one)])
-        write(docs / f"{name}.csv", merged(docs / f"{name}.csv", new, ("backend", "seed")))
+        merge_into(docs / f"{name}.csv", new, ("backend", "seed"))
 
 
 def read_cheap(run: Path, docs: Path) -> None:
@@ -55,8 +55,7 @@ def read_cheap(run: Path, docs: Path) -> None:
     discoverer = yaml.safe_load((run / "suite.yaml").read_text(encoding="utf-8"))["discovery"]["discoverer"]
     new = pd.read_csv(run / "results.csv")
     new.insert(3, "discoverer", np.where(new["discovery_env_steps"] > 0, discoverer, "none"))
-    path = docs / "cheap_discovery.csv"
-    write(path, merged(path, new, ("backend", "method", "discoverer", "seed")))
+    merge_into(docs / "cheap_discovery.csv", new, ("backend", "method", "discoverer", "seed"))
 
 
 def draw_first(root: Path, figures: Path) -> None:

@@ -21,7 +21,7 @@ import pages
 import pandas as pd
 import tuning_grid
 import yaml
-from pages import Frames, Tables, merged, rounded
+from pages import Frames, Tables, merge_into, rounded
 
 from causalbench.core.learners.methods import METHODS, Method
 from causalbench.core.tasks.rewards import COLLISION
@@ -48,9 +48,7 @@ def read_run(run: Path, docs: Path) -> str:
     made = [cells[f"{r.task}-{r.backend}-{r.method}-s{r.seed}"] for r in results.itertuples()]
     results = results.assign(collisions_per_episode=hits[made].to_numpy(), seconds=seconds[made].round(1).to_numpy())
     for kind, table in (("results", results), ("curves", pd.read_csv(run / "curves.csv"))):
-        merged(docs / f"{name}_{kind}.csv", table, KEYS).to_csv(
-            docs / f"{name}_{kind}.csv", index=False, lineterminator="\n", float_format="%.6g"
-        )
+        merge_into(docs / f"{name}_{kind}.csv", table, KEYS)
     return str(name)
 
 

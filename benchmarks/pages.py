@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pandas as pd
 
+from causalbench.store.files import write_text
+
 DOCS = Path("docs/data")
 MARK = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 Frames = Mapping[str, pd.DataFrame]
@@ -26,6 +28,17 @@ def merged(path: Path, new: pd.DataFrame, keys: Sequence[str]) -> pd.DataFrame:
         known = set(map(tuple, new[keys].to_numpy()))
         new = pd.concat([new, old[[tuple(key) not in known for key in old[keys].to_numpy()]]])
     return new.sort_values(keys, kind="stable", ignore_index=True)
+
+
+def write(path: Path, table: pd.DataFrame) -> None:
+    """A table as CSV."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_text(path, table.to_csv(index=False, lineterminator="\n", float_format="%.6g"))
+
+
+def merge_into(path: Path, new: pd.DataFrame, keys: Sequence[str]) -> None:
+    """Replace the rows of `path` that have the same `keys` as rows of `new`."""
+    write(path, merged(path, new, keys))
 
 
 def rounded(table: pd.DataFrame, **digits: int) -> pd.DataFrame:
