@@ -27,6 +27,7 @@ from causalbench.core.learners.methods import METHODS, Method
 from causalbench.core.tasks.rewards import COLLISION
 from causalbench.report.tables import KEYS
 
+matplotlib.rcParams["svg.hashsalt"] = "causalbench"  # equal data, equal bytes
 PAGE = Path("docs/learning_results.md")
 ORDER = [method.name for method in METHODS]
 # Okabe and Ito's, which colour-blind readers tell apart; yellow is too light for a line.
