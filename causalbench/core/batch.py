@@ -34,6 +34,10 @@ class BatchScene(ABC):
     def facts(self) -> Facts:
         """What holds now, every field with leading dimension n."""
 
+    def facts_of(self, indices: Sequence[int]) -> Facts:
+        """What holds in some worlds, in the order of `indices`; the others need not have been reset."""
+        return select(self.facts(), np.asarray(indices))
+
     def lidar(self) -> Array:
         """Ranges (n, 220), see `Scene.lidar`."""
         raise CausalbenchError(f"backend {self.spec.backend!r} has no capability 'lidar'")
@@ -69,7 +73,10 @@ class SceneList(BatchScene):
             scene.step(action)
 
     def facts(self) -> Facts:
-        return stack([scene.facts() for scene in self.scenes])
+        return self.facts_of(range(self.n))
+
+    def facts_of(self, indices: Sequence[int]) -> Facts:
+        return stack([self.scenes[index].facts() for index in indices])
 
     def snapshots(self) -> list[bytes]:
         return [scene.snapshot() for scene in self.scenes]

@@ -38,18 +38,21 @@ def reset_worlds(
     layouts: dict[int, Layout] = {}
     refusal = "none"
     for _ in range(MAX_DRAWS):
-        refused = []
+        placed = []
         for world in pending:
             try:
                 layouts[world[0]] = _place(task, batch, *world, stage or 1)
+                placed.append(world[0])
             except UnreachableLayoutError as error:
-                refused.append(world)
                 refusal = str(error)
-        facts = batch.facts()
-        usable = ~(facts.collision_base | facts.collision_arm | facts.collision_self | facts.holding)
-        if stage is not None:
-            usable &= task.stage(facts) == stage
-        pending = [world for world in pending if world in refused or not usable[world[0]]]
+        good: set[int] = set()
+        if placed:  # a world that refused its first start has no facts yet
+            facts = batch.facts_of(placed)
+            usable = ~(facts.collision_base | facts.collision_arm | facts.collision_self | facts.holding)
+            if stage is not None:
+                usable &= task.stage(facts) == stage
+            good = {index for index, fine in zip(placed, usable, strict=True) if fine}
+        pending = [world for world in pending if world[0] not in good]
         if not pending:
             return [layouts[index] for index in indices]
     where = "" if stage is None else f" in stage {stage}"

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from causalbench.core.batch import SceneList, make_batch
+from causalbench.core.env import reset_worlds
 from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench.core.vector_env import StageTaskVectorEnv
-from causalbench.errors import InvalidActionError
+from causalbench.errors import InvalidActionError, UnreachableLayoutError
 
 N = 3
 
@@ -50,6 +51,24 @@ def test_pictures_of_several_worlds_are_those_of_each(make_scene):
     assert native.shape == (2, 48, 64, 3)
     assert np.array_equal(native, listed)
     assert not np.array_equal(native[0], native[1])
+
+
+@pytest.mark.parametrize("refusing", [(0,), (1,), (0, 1)])
+def test_a_world_that_refuses_its_first_starts_gets_another(make_scene, monkeypatch, refusing):
+    scenes = [make_scene() for _ in range(2)]
+    for index in refusing:
+        refusals, accept = iter(range(2)), scenes[index].reset
+
+        def reset(layout, refusals=refusals, accept=accept):
+            if next(refusals, None) is not None:
+                raise UnreachableLayoutError("as a scene says that was never reset")
+            accept(layout)
+
+        monkeypatch.setattr(scenes[index], "reset", reset)
+    layouts = reset_worlds(TASK, SceneList(scenes), range(2), [np.random.default_rng(i) for i in range(2)], 1)
+    for scene, layout in zip(scenes, layouts, strict=True):
+        np.testing.assert_allclose(scene.facts().object_position[:2], layout.target.position[:2], atol=2e-3)
+        assert TASK.stage(scene.facts()) == 1
 
 
 def test_worlds_equal_single_environments_until_they_end(make_vector, make_pure):
