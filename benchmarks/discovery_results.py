@@ -326,7 +326,8 @@ def cheap(frames: Frames) -> pd.DataFrame:
     table = frames["cheap_discovery"]
     table = table.assign(steps_to_90_with_discovery=table["steps_to_90"] + table["discovery_env_steps"])
     names = ["backend", "method", "discoverer", "seed", "env_steps", "discovery_env_steps", "success_deterministic",
-             "held_rate", "success_auc", "steps_to_90", "steps_to_90_with_discovery", "reversals_per_1000_steps"]  # fmt: skip
+             "held_rate", "success_auc", "steps_to_90", "steps_to_90_with_discovery",
+             "reversals_per_1000_steps"]  # fmt: skip
     steps = dict.fromkeys(("steps_to_90", "steps_to_90_with_discovery"), 0)
     return rounded(table[names].round(3), **steps).fillna("")
 
