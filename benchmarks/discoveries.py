@@ -22,17 +22,17 @@ import pandas as pd
 import torch
 from pages import DOCS, merge_into, write
 
-from causalbench.core.discovery.calibration import calibrate
-from causalbench.core.discovery.collect import Samples, StageSamples
-from causalbench.core.discovery.collection import Collection, Recipe
-from causalbench.core.discovery.discoverers import DISCOVERERS, StageProblem
 from causalbench.core.discovery.graph import CausalGraph
-from causalbench.core.discovery.oracle import Grade, StageTruth
-from causalbench.core.discovery.score import Score, score_graph
+from causalbench.core.discovery.methods.kl.placebos import calibrate
+from causalbench.core.discovery.registry import DISCOVERERS, StageProblem
+from causalbench.core.discovery.samples.collect import Samples, StageSamples
+from causalbench.core.discovery.samples.collection import Collection, Recipe
 from causalbench.core.discovery.settings import DiscoverySettings
-from causalbench.core.scene import Scene
+from causalbench.core.discovery.truth.oracle import Grade, StageTruth
+from causalbench.core.discovery.truth.score import Score, score_graph
 from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench.core.tasks.task import Task
+from causalbench.core.world.scene import Scene
 from causalbench.run.alone import discover_alone
 from causalbench.store.cells import DATA
 from causalbench.store.samples import SampleFolder

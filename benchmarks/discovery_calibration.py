@@ -14,11 +14,11 @@ import pandas as pd
 import torch
 from discoveries import Row, measured, options, put_together, quiet, read_graph
 
-from causalbench.core.discovery.calibration import p_values
 from causalbench.core.discovery.graph import CausalGraph, used_kl
-from causalbench.core.discovery.oracle import consult_oracle
+from causalbench.core.discovery.methods.kl.placebos import p_values
 from causalbench.core.discovery.pipeline import discover
 from causalbench.core.discovery.settings import DiscoverySettings
+from causalbench.core.discovery.truth.oracle import consult_oracle
 from causalbench.core.kinematic import make
 from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench.report.stats import wilson

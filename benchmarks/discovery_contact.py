@@ -18,11 +18,11 @@ from pathlib import Path
 import numpy as np
 from discoveries import Row, folder, measured, options, put_together, read_samples
 
-from causalbench.core.discovery.collect import Samples, StageSamples
-from causalbench.core.discovery.counterfactual import Walk
-from causalbench.core.discovery.oracle import SEQUENCE_LENGTH
+from causalbench.core.discovery.samples.collect import Samples, StageSamples
+from causalbench.core.discovery.truth.counterfactual import Walk
+from causalbench.core.discovery.truth.oracle import SEQUENCE_LENGTH
 from causalbench.core.tasks.pure_manipulation import TASK
-from causalbench.plugins import installed
+from causalbench.plugins.manager import installed
 
 NAME, STAGE, STATES = "discovery_contact", 4, 400
 ARM = range(len(TASK.actions) - 1)

@@ -30,11 +30,11 @@ from discoveries import (
     stages_of,
 )
 
-from causalbench.core.discovery.collect import StageSamples
-from causalbench.core.discovery.collection import Recipe
+from causalbench.core.discovery.samples.collect import StageSamples
+from causalbench.core.discovery.samples.collection import Recipe
 from causalbench.core.discovery.settings import DiscoverySettings
 from causalbench.core.tasks.pure_manipulation import TASK
-from causalbench.plugins import installed
+from causalbench.plugins.manager import installed
 from causalbench.store.cells import DATA
 from causalbench.store.samples import SampleFolder
 

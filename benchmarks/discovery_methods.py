@@ -28,13 +28,13 @@ from discoveries import (
     read_truth,
 )
 
-from causalbench.core.discovery.collection import streams
-from causalbench.core.discovery.discoverers import DISCOVERERS
 from causalbench.core.discovery.graph import CausalGraph
 from causalbench.core.discovery.pipeline import discover, discover_from_samples
+from causalbench.core.discovery.registry import DISCOVERERS
+from causalbench.core.discovery.samples.collection import streams
 from causalbench.core.discovery.settings import DiscoverySettings
 from causalbench.core.tasks.pure_manipulation import TASK
-from causalbench.plugins import installed
+from causalbench.plugins.manager import installed
 from causalbench.store.cells import DATA
 from causalbench.store.samples import SampleFolder
 

@@ -18,7 +18,7 @@ from causalbench.core.discovery.graph import CausalGraph, used_kl
 from causalbench.core.discovery.pipeline import discover
 from causalbench.core.discovery.settings import PRESETS
 from causalbench.core.tasks.pure_manipulation import TASK
-from causalbench.plugins import installed
+from causalbench.plugins.manager import installed
 from causalbench.store.cells import DATA
 from causalbench.store.samples import SampleFolder
 

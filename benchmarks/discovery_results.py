@@ -27,8 +27,8 @@ from discovery_methods import summary as methods_summary
 from pages import Frames, Tables, merge_into, rounded
 
 from causalbench.core.discovery.graph import manual_graph, used_kl
-from causalbench.core.discovery.score import score_matrix
-from causalbench.core.discovery.select import select_causal_actions
+from causalbench.core.discovery.methods.kl.select import select_causal_actions
+from causalbench.core.discovery.truth.score import score_matrix
 from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench.report.figures import write_figures
 from causalbench.report.stats import bootstrap_interval, wilson

@@ -19,13 +19,13 @@ from discoveries import Subset
 from torch import nn
 from torch.utils.data import DataLoader, TensorDataset
 
-from causalbench.core.batch import make_batch
-from causalbench.core.discovery.collect import Samples, StageSamples, collect
-from causalbench.core.discovery.kl import discover_stage
-from causalbench.core.discovery.reward_model import HELD_OUT, train_reward_models
+from causalbench.core.discovery.methods.kl.method import discover_stage
+from causalbench.core.discovery.methods.kl.reward_model import HELD_OUT, train_reward_models
+from causalbench.core.discovery.samples.collect import Samples, StageSamples, collect
 from causalbench.core.discovery.settings import PRESETS, DiscoverySettings
 from causalbench.core.kinematic import make
 from causalbench.core.tasks.pure_manipulation import TASK
+from causalbench.core.world.batch import make_batch
 
 STAGE, ROUNDS = 2, 5
 CAUSES = {"r_ori": {"armrx", "armry"}, "r_gripper": {"grip"}}

@@ -14,10 +14,10 @@ from pathlib import Path
 
 from discoveries import BACKENDS, Row, folder, measured, options, put_together, read_graph
 
-from causalbench.core.batch import make_batch
+from causalbench.core.staged.restricted_expert import STARTS, solved_starts
 from causalbench.core.tasks.pure_manipulation import TASK
-from causalbench.core.tasks.restricted_expert import STARTS, solved_starts
-from causalbench.plugins import installed
+from causalbench.core.world.batch import make_batch
+from causalbench.plugins.manager import installed
 
 NAME = "discovery_sufficiency"
 Sets = tuple[tuple[str, ...], ...]  # causal actions by stage

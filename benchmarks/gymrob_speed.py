@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from timing import EPISODE, STEPS, env_overhead, random_actions, timed
 
-from causalbench.core.env import StageTaskEnv
+from causalbench.core.staged.env import StageTaskEnv
 from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench_gymrob import make
 from causalbench_gymrob.scene import GymrobScene

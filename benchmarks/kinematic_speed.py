@@ -10,8 +10,8 @@ import statistics
 import numpy as np
 from timing import timed
 
-from causalbench.core.env import StageTaskEnv, reset_worlds
-from causalbench.core.kinematic import KinematicBatch, KinematicScene
+from causalbench.core.kinematic.worlds import KinematicBatch, KinematicScene
+from causalbench.core.staged.env import StageTaskEnv, reset_worlds
 from causalbench.core.tasks.pure_manipulation import TASK
 
 TURNS, STEPS, WORLDS = 15, 400, 256

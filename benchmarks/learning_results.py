@@ -24,7 +24,7 @@ import yaml
 from pages import Frames, Tables, merge_into, rounded
 
 from causalbench.core.learners.methods import METHODS, Method
-from causalbench.core.tasks.rewards import COLLISION
+from causalbench.core.tasks.reward_scales import COLLISION
 from causalbench.report.tables import KEYS
 
 matplotlib.rcParams["svg.hashsalt"] = "causalbench"  # equal data, equal bytes

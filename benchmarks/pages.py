@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from causalbench.store.files import write_text
+from causalbench.atomic import write_text
 
 DOCS = Path("docs/data")
 MARK = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)

@@ -18,10 +18,10 @@ from timing import seconds_per_update
 
 from causalbench.core.discovery.graph import manual_graph
 from causalbench.core.learners.causal_gradient import stage_plan
-from causalbench.core.learners.gaussian_networks import gaussian_log_prob
 from causalbench.core.learners.methods import METHODS
-from causalbench.core.learners.ppo_agent import PPOAgent, Samples
+from causalbench.core.learners.ppo.agent import PPOAgent, Samples
 from causalbench.core.learners.settings import PPOSettings
+from causalbench.core.networks.gaussian import gaussian_log_prob
 from causalbench.core.tasks.pure_manipulation import TASK
 
 N_OBS, SAMPLES, TURNS = 16, 1024, 7

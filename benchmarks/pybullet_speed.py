@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from timing import EPISODE, STEPS, env_overhead, random_actions, timed
 
-from causalbench.core import rotations
-from causalbench.core.env import StageTaskEnv
+from causalbench.core.numerics import rotations
+from causalbench.core.staged.env import StageTaskEnv
 from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench_pybullet import make
 from causalbench_pybullet.engine import pb

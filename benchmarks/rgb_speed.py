@@ -10,7 +10,7 @@ import time
 
 from timing import random_actions
 
-from causalbench.core.cameras import HEIGHT, WIDTH
+from causalbench.core.world.cameras import HEIGHT, WIDTH
 from causalbench.registration import make_env
 
 GOALS = {"gymrob": 100, "pybullet": 200, "robosuite": 0, "kinematic": 0}  # pictures a second and core

@@ -15,7 +15,7 @@ from mujoco import rollout
 from numpy.typing import NDArray
 from timing import EPISODE, STEPS, env_overhead, random_actions, timed
 
-from causalbench.core.env import StageTaskEnv
+from causalbench.core.staged.env import StageTaskEnv
 from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench_robosuite import make, model
 from causalbench_robosuite.scene import RobosuiteScene

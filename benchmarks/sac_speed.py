@@ -22,7 +22,7 @@ from timing import seconds_per_update
 from causalbench.core.discovery.graph import manual_graph
 from causalbench.core.learners.causal_gradient import Critics, stage_plan
 from causalbench.core.learners.methods import METHODS
-from causalbench.core.learners.sac_agent import SACAgent
+from causalbench.core.learners.sac.agent import SACAgent
 from causalbench.core.learners.settings import SACSettings
 from causalbench.core.tasks.pure_manipulation import TASK
 

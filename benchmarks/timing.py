@@ -9,9 +9,9 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core.env import StageTaskEnv
-from causalbench.core.scene import Scene
+from causalbench.core.staged.env import StageTaskEnv
 from causalbench.core.tasks.pure_manipulation import TASK
+from causalbench.core.world.scene import Scene
 
 Array = NDArray[np.float64]
 

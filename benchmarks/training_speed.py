@@ -18,9 +18,9 @@ from causalbench.core.discovery.graph import manual_graph
 from causalbench.core.learners.methods import METHODS
 from causalbench.core.learners.settings import EvaluationSettings, LearnerSettings, PPOSettings, SACSettings
 from causalbench.core.learners.training import train
-from causalbench.core.scene import Scene
 from causalbench.core.tasks.pure_manipulation import TASK
-from causalbench.plugins import installed
+from causalbench.core.world.scene import Scene
+from causalbench.plugins.manager import installed
 
 STEPS, TURNS = 1_500, 3
 SETTINGS: dict[str, LearnerSettings] = {"SAC": SACSettings(learning_starts=100), "PPO": PPOSettings(n_steps=512)}

@@ -9,6 +9,7 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from causalbench._version import __version__ as __version__
 from causalbench.registration import register_with_gymnasium
 
 if TYPE_CHECKING:
@@ -16,8 +17,6 @@ if TYPE_CHECKING:
     from causalbench.api import train as train
     from causalbench.core.learners.policy import load_policy as load_policy
     from causalbench.registration import make_env as make_env
-
-__version__ = "0.1.0"
 
 _HOME = {
     "discover": "causalbench.api",

@@ -1,6 +1,6 @@
 """`python -m causalbench`."""
 
-from causalbench.cli import main
+from causalbench.cli.app import main
 
 if __name__ == "__main__":
     main()

@@ -12,16 +12,16 @@ import gymnasium as gym
 from causalbench.core.discovery import pipeline
 from causalbench.core.discovery.graph import CausalGraph
 from causalbench.core.discovery.settings import DiscoverySettings
-from causalbench.core.env import StageTaskEnv
 from causalbench.core.learners import training
 from causalbench.core.learners.checkpoint import Checkpoints
 from causalbench.core.learners.policy import StagedPolicy
 from causalbench.core.learners.records import Evaluation, TrainingCounts
 from causalbench.core.learners.settings import PRESETS, EvaluationSettings, LearnerSettings
-from causalbench.core.scene import Scene
+from causalbench.core.staged.env import StageTaskEnv
 from causalbench.core.tasks.task import Task
+from causalbench.core.world.scene import Scene
 from causalbench.errors import UserError
-from causalbench.plugins import installed
+from causalbench.plugins.manager import installed
 
 
 class Trained(NamedTuple):

@@ -11,7 +11,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from causalbench.core.env import Observe, StageTaskEnv
+    from causalbench.core.staged.env import Observe, StageTaskEnv
 
 
 def register_envs() -> None:
@@ -21,7 +21,7 @@ def register_envs() -> None:
     """
     import gymnasium
 
-    from causalbench.builtins import TASKS
+    from causalbench.plugins.builtins import TASKS
 
     for task in TASKS:
         if task.env_id not in gymnasium.registry:
@@ -77,8 +77,8 @@ def make_env(
     Raises `UnknownNameError` for a task or backend that does not exist, `BackendLoadError` for one that lacks its
     simulator and `UserError` for one that cannot run the task.
     """
-    from causalbench.core.env import StageTaskEnv
-    from causalbench.plugins import installed, scene_maker
+    from causalbench.core.staged.env import StageTaskEnv
+    from causalbench.plugins.manager import installed, scene_maker
 
     plugins = installed()
     chosen = plugins.task(task)

@@ -10,7 +10,7 @@ import re
 
 import pytest
 
-from causalbench.plugins import installed
+from causalbench.plugins.manager import installed
 
 PARAMETERS = ("backend", "mobile_env", "mobile_bench")
 

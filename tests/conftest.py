@@ -12,12 +12,12 @@ import pytest
 import torch
 
 # Compiles the task: the first compilation on a machine is announced on stderr, which tests of processes compare.
-import causalbench.core.kinematic_mobile
+import causalbench.core.kinematic.mobile
 import causalbench.core.tasks.mobile_manipulation
 import causalbench.core.tasks.pure_manipulation  # noqa: F401
-from causalbench.core.env import StageTaskEnv
-from causalbench.core.scene import Scene
-from causalbench.plugins import installed
+from causalbench.core.staged.env import StageTaskEnv
+from causalbench.core.world.scene import Scene
+from causalbench.plugins.manager import installed
 from causalbench.registration import make_env
 
 # Two threads in each of several test processes on a few cores wait for each other: up to 50 times slower.

@@ -10,7 +10,7 @@ from pathlib import Path
 import backend_option
 import pytest
 
-from causalbench.plugins import installed
+from causalbench.plugins.manager import installed
 
 ROOT = Path(__file__).parents[1]
 

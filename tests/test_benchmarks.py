@@ -13,12 +13,12 @@ import pandas as pd
 import pytest
 import tuning_grid
 
-from causalbench.core.discovery.collection import Recipe
 from causalbench.core.discovery.pipeline import discover
+from causalbench.core.discovery.samples.collection import Recipe
 from causalbench.core.discovery.settings import DiscoverySettings
 from causalbench.core.kinematic import make
 from causalbench.core.tasks.pure_manipulation import TASK
-from causalbench.run.judged import judge_graph
+from causalbench.run.score_graph import judge_graph
 from causalbench.store.samples import SampleFolder
 
 ROOT = Path(__file__).parents[1]

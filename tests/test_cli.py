@@ -31,7 +31,7 @@ def test_help_names_every_command_and_imports_nothing_heavy() -> None:
     code = (
         "import sys; sys.argv = ['causalbench', '--help']\n"
         "import atexit; atexit.register(lambda: print('MODULES', *sys.modules))\n"
-        "from causalbench.cli import main; main()"
+        "from causalbench.cli.app import main; main()"
     )
     text = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
     shown, _, modules = text.partition("MODULES")

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from causalbench.core.cameras import find_camera
-from causalbench.core.env import StageTaskEnv
+from causalbench.core.staged.env import StageTaskEnv
+from causalbench.core.world.cameras import find_camera
 from causalbench.errors import UserError
 from causalbench.registration import make_env
 

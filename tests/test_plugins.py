@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 
 from causalbench.errors import BackendLoadError, UnknownNameError, UserError
-from causalbench.plugins import PluginRow, Plugins, load_plugins
+from causalbench.plugins.manager import PluginRow, Plugins, load_plugins
 
 Install = Callable[[str, str], Path]
 
 GOOD = """
-from causalbench.hookspecs import Backend, hookimpl
+from causalbench.plugins.hookspecs import Backend, hookimpl
 
 @hookimpl
 def causalbench_backends(register):
@@ -92,8 +92,8 @@ def test_unknown_names_get_the_nearest_one_and_what_exists() -> None:
 
 
 DISCOVERING = """
-from causalbench.core.discovery.discoverers import Discoverer
-from causalbench.hookspecs import hookimpl
+from causalbench.core.discovery.registry import Discoverer
+from causalbench.plugins.hookspecs import hookimpl
 
 @hookimpl
 def causalbench_discoverers(register):

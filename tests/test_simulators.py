@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from causalbench.core.env import StageTaskEnv
-from causalbench.core.layout import Box, Layout
-from causalbench.core.scene import Scene
+from causalbench.core.staged.env import StageTaskEnv
 from causalbench.core.tasks import pure_manipulation as task
-from causalbench.core.tasks.hold_test import lift_and_hold
+from causalbench.core.tasks.lift_and_hold import lift_and_hold
+from causalbench.core.world.layout import Box, Layout
+from causalbench.core.world.scene import Scene
 from causalbench.errors import CausalbenchError, SnapshotError, UnreachableLayoutError, UserError
-from causalbench.hookspecs import Backend
-from causalbench.plugins import installed
+from causalbench.plugins.hookspecs import Backend
+from causalbench.plugins.manager import installed
 
 UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
 

@@ -6,10 +6,10 @@ import dataclasses
 
 import numpy as np
 
-from causalbench.core.batch import Batchable, BatchScene, select
-from causalbench.core.layout import Layout, Workspace
-from causalbench.core.scene import Facts, Scene, SceneSpec
 from causalbench.core.tasks.task import Task, Term
+from causalbench.core.world.batch import Batchable, BatchScene, select
+from causalbench.core.world.layout import Layout, Workspace
+from causalbench.core.world.scene import Facts, Scene, SceneSpec
 
 ACTIONS = ("armx", "army", "armz")
 SPEC = SceneSpec(

@@ -7,9 +7,9 @@ import inspect
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from causalbench.core.scene import Scene, SceneSpec
+from causalbench.core.world.scene import Scene, SceneSpec
 from causalbench.errors import CausalbenchError, UserError
-from causalbench.hookspecs import Backend
+from causalbench.plugins.hookspecs import Backend
 
 MakeScene = Callable[[], Scene]
 

@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from causalbench.conformance.bench import expect
-from causalbench.core import rotations
-from causalbench.core.layout import Layout
-from causalbench.core.scene import ACTION_SPEED, Facts, Scene
+from causalbench.core.numerics import rotations
 from causalbench.core.tasks import pure_manipulation as task
 from causalbench.core.tasks.task import Task
+from causalbench.core.world.layout import Layout
+from causalbench.core.world.scene import ACTION_SPEED, Facts, Scene
 from causalbench.errors import UnreachableLayoutError
 
 Array = NDArray[np.float64]

@@ -10,9 +10,9 @@ from typing import Any
 
 from causalbench.conformance.bench import Bench
 from causalbench.conformance.checks import contact, drive, facts, life, motion, repeat, reset, rgb, solve, spec
-from causalbench.core.scene import SceneSpec
+from causalbench.core.world.scene import SceneSpec
 from causalbench.errors import UnknownNameError, UserError
-from causalbench.hookspecs import Backend
+from causalbench.plugins.hookspecs import Backend
 
 PASS, FAIL, GAP, NOT_APPLICABLE = "pass", "fail", "known gap", "not applicable"
 

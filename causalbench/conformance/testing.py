@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 from causalbench.conformance.bench import Bench
 from causalbench.conformance.suite import CHECKS, FAIL, GAP, NOT_APPLICABLE, Check, check_gaps, run_check
-from causalbench.plugins import installed
+from causalbench.plugins.manager import installed
 
 try:
     import pytest

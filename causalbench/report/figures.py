@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from causalbench.atomic import write_folder
 from causalbench.core.discovery.graph import CausalGraph, StageGraph, used_kl
 from causalbench.store.cells import RunFolder
-from causalbench.store.files import write_folder
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -14,14 +14,14 @@ from rich.progress import Progress
 from causalbench.core.discovery.graph import CausalGraph, manual_graph
 from causalbench.core.discovery.settings import PRESETS, SELECTIONS, DiscoverySettings, Selection
 from causalbench.errors import RunFolderError, UnknownNameError
-from causalbench.plugins import installed, scene_maker
+from causalbench.plugins.manager import installed, scene_maker
 from causalbench.run.cell import use_one_thread, write_graph
-from causalbench.run.judged import judge_graph
+from causalbench.run.score_graph import judge_graph
 from causalbench.store.cells import DATA
 from causalbench.store.samples import SampleFolder
 
 if TYPE_CHECKING:
-    from causalbench.core.discovery.oracle import StageTruth
+    from causalbench.core.discovery.truth.oracle import StageTruth
 
 
 def discover_alone(
@@ -48,7 +48,7 @@ def discover_alone(
     write_graph(folder, graph, human)
     if not oracle:
         return graph, None
-    from causalbench.core.discovery.oracle import ORACLE_STATES
+    from causalbench.core.discovery.truth.oracle import ORACLE_STATES
 
     with _progress("oracle") as report:
         graph, truth = judge_graph(graph, chosen_task, make_scene, ORACLE_STATES, seed, folder, report)

@@ -9,16 +9,16 @@ from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from causalbench.atomic import write_folder, write_text
 from causalbench.core.discovery.graph import CausalGraph, manual_graph
 from causalbench.core.learners.records import Evaluation, TrainingCounts
-from causalbench.core.scene import Scene
 from causalbench.core.tasks.task import Task
+from causalbench.core.world.scene import Scene
 from causalbench.errors import CausalbenchError, DivergedError
-from causalbench.plugins import installed, scene_maker
-from causalbench.run.judged import judge_graph
+from causalbench.plugins.manager import installed, scene_maker
+from causalbench.run.score_graph import judge_graph
 from causalbench.run.tensorboard import Board
 from causalbench.store.cells import CHECKPOINT, DATA, LOG, RunFolder, State, Status
-from causalbench.store.files import write_folder, write_text
 from causalbench.store.records import write_counts, write_progress
 from causalbench.store.samples import SampleFolder
 from causalbench.suite.plan import BackendIdentity, Cell, DiscoveryCell, LearnerCell

@@ -10,8 +10,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from causalbench.core import compiled
-from causalbench.plugins import Plugins
+from causalbench.core.numerics import compiled
+from causalbench.plugins.manager import Plugins
 
 PROBE_SECONDS = 300.0  # a first start may compile for half a minute
 PROBES = {

@@ -30,7 +30,7 @@ PRELOAD = [
     "torch",
     "causalbench.core.learners.training",
     "causalbench.core.discovery.pipeline",
-    "causalbench.core.discovery.kl",
+    "causalbench.core.discovery.methods.kl.method",
     "causalbench.run.executors",
 ]
 """What the fork server imports once for all cells. Never a simulator: many cannot be forked."""

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core.env import StageTaskEnv
-from causalbench.core.learners.evaluate import FIRST_SEED
+from causalbench.core.learners.evaluation import FIRST_SEED
 from causalbench.core.learners.policy import StagedPolicy, load_policy
+from causalbench.core.staged.env import StageTaskEnv
 from causalbench.errors import UserError
-from causalbench.plugins import installed, scene_maker
+from causalbench.plugins.manager import installed, scene_maker
 from causalbench.store.cells import RunFolder, StoredCell
 from causalbench.suite.plan import Selection
 

@@ -14,13 +14,13 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from causalbench.atomic import write_json, write_text
 from causalbench.errors import UserError
-from causalbench.plugins import Plugins
+from causalbench.plugins.manager import Plugins
 from causalbench.run.cell import Keeping
 from causalbench.run.executors import Outcomes, processes, serial
-from causalbench.run.live import View
+from causalbench.run.view import View
 from causalbench.store.cells import ENVIRONMENT, SCHEMA, RunFolder, State, check_comparable
-from causalbench.store.files import write_json, write_text
 from causalbench.suite.plan import Cell, LearnerCell, Plan
 from causalbench.suite.schema import SuiteFile
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from string import Template
 
 from causalbench.errors import UserError
-from causalbench.plugins import installed
+from causalbench.plugins.manager import installed
 
 SUFFIX = ".template"
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any, Literal, Protocol, get_args
 
+from causalbench.atomic import TEMPORARY, write_json
 from causalbench.errors import RunFolderError
-from causalbench.store.files import TEMPORARY, write_json
 
 SCHEMA = 1
 State = Literal["done", "failed", "timeout", "diverged", "skipped", "running", "pending"]

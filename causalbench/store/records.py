@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from causalbench.atomic import write_json, write_text
 from causalbench.core.discovery.graph import CausalGraph
 from causalbench.core.learners.records import Evaluation, TrainingCounts
-from causalbench.store.files import write_json, write_text
 
 RETURN = "return_"
 """Prefix of the columns of `progress.csv` that hold a reward term's mean return."""

@@ -18,11 +18,11 @@ from typing import Any
 
 import numpy as np
 
-from causalbench.core.discovery.collect import Samples
-from causalbench.core.discovery.collection import About, Origin
+from causalbench.atomic import write_bytes
+from causalbench.core.discovery.samples.collect import Samples
+from causalbench.core.discovery.samples.collection import About, Origin
 from causalbench.core.tasks.task import Task
 from causalbench.errors import RunFolderError
-from causalbench.store.files import write_bytes
 
 UNITS = {
     "states": "metres; quaternion components (w, x, y, z) have none",
@@ -34,7 +34,7 @@ ARRAYS = ("states", "actions", "rewards", "sequence")
 
 @dataclass(frozen=True)
 class SampleFolder:
-    """A `causalbench.core.discovery.collection.SampleStore` in one folder, which is made when first written to."""
+    """A `SampleStore` (core.discovery.samples.collection) in one folder, which is made when first written to."""
 
     path: Path
 

@@ -11,14 +11,14 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar
 
-import causalbench
+from causalbench._version import __version__
 from causalbench.core.discovery.settings import DiscoverySettings
 from causalbench.core.learners.methods import Method
 from causalbench.core.learners.settings import EvaluationSettings, LearnerSettings
 from causalbench.core.tasks.task import Task
 from causalbench.errors import SuiteError, UnknownNameError, UserError
-from causalbench.hookspecs import Backend
-from causalbench.plugins import Plugins, scene_maker
+from causalbench.plugins.hookspecs import Backend
+from causalbench.plugins.manager import Plugins, scene_maker
 from causalbench.suite.positions import Location
 from causalbench.suite.schema import DISCOVERY, EVALUATION, LEARNER, PerBackend, PerMethod, Suite, SuiteFile, Tier
 
@@ -261,7 +261,7 @@ def module_versions(modules: Iterable[str]) -> dict[str, str]:
 def _learner_cell(
     file: SuiteFile, tier: Tier, tier_name: str, task: TaskIdentity, backend: BackendIdentity, method: Method, seed: int
 ) -> LearnerCell:
-    suite, code = file.suite, causalbench.__version__
+    suite, code = file.suite, __version__
     of_backend = suite.per_backend.get(backend.name, PerBackend())
     layers = (suite, of_backend, suite.per_method.get(method.name, PerMethod()), tier)
     discovery = None

@@ -12,13 +12,13 @@ import numpy as np
 from conformance import hasty
 from numpy.typing import NDArray
 
-from causalbench.core import lidar
-from causalbench.core.kinematic import BASE_POSE, BOX, BOX_HALF, COMMAND, HAND, SPEC, TABLE_HIT, KinematicScene
-from causalbench.core.kinematic_mobile import BASE_HIT, LIDAR_POSITION, MOBILE_SPEC, MobileKinematicScene
-from causalbench.core.layout import Layout
-from causalbench.core.scene import Array, Facts, Scene, SceneSpec, check_action
+from causalbench.core.kinematic.mobile import BASE_HIT, LIDAR_POSITION, MOBILE_SPEC, MobileKinematicScene
+from causalbench.core.kinematic.worlds import BASE_POSE, BOX, BOX_HALF, COMMAND, HAND, SPEC, TABLE_HIT, KinematicScene
+from causalbench.core.world import lidar
+from causalbench.core.world.layout import Layout
+from causalbench.core.world.scene import Array, Facts, Scene, SceneSpec, check_action
 from causalbench.errors import SnapshotError, UnreachableLayoutError
-from causalbench.hookspecs import Backend
+from causalbench.plugins.hookspecs import Backend
 
 NAMES = SPEC.actions
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from conformance import pretend_simulator
 
-from causalbench.core.kinematic import KinematicScene
+from causalbench.core.kinematic.worlds import KinematicScene
 
 
 def make() -> KinematicScene:

@@ -15,8 +15,8 @@ from causalbench.conformance.suite import CHECKS
 
 PLUGIN = """
 import dataclasses
-from causalbench.core.kinematic import SPEC, KinematicScene
-from causalbench.hookspecs import Backend, hookimpl
+from causalbench.core.kinematic.worlds import SPEC, KinematicScene
+from causalbench.plugins.hookspecs import Backend, hookimpl
 
 class Scene(KinematicScene):
     def __init__(self, timestep=0.03):

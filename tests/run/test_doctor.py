@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from causalbench.plugins import Plugins
+from causalbench.plugins.manager import Plugins
 from causalbench.run.doctor import examine, probe
 
 

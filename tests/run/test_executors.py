@@ -16,7 +16,7 @@ from causalbench.run.executors import PRELOAD
 PLUGIN = """
 import ctypes, os, signal, threading
 from causalbench.errors import DivergedError
-from causalbench.hookspecs import Backend, hookimpl
+from causalbench.plugins.hookspecs import Backend, hookimpl
 
 def raising():
     raise RuntimeError("the arm fell off")

@@ -8,10 +8,10 @@ import imageio_ffmpeg
 import numpy as np
 import pytest
 
-from causalbench.core.env import StageTaskEnv
 from causalbench.core.kinematic import make
-from causalbench.core.learners.evaluate import FIRST_SEED
+from causalbench.core.learners.evaluation import FIRST_SEED
 from causalbench.core.learners.policy import load_policy
+from causalbench.core.staged.env import StageTaskEnv
 from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench.errors import UserError
 from causalbench.run.play import STILL, film_episode, play

@@ -19,7 +19,7 @@ from typing import Any
 
 import pytest
 
-from causalbench.plugins import installed
+from causalbench.plugins.manager import installed
 from causalbench.run.cell import Keeping, run_cell
 from causalbench.store.cells import RunFolder
 from causalbench.suite.plan import LearnerCell, make_plan

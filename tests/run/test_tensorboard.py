@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from causalbench.errors import UserError
-from causalbench.plugins import installed
+from causalbench.plugins.manager import installed
 from causalbench.run.cell import Keeping, run_cell
 from causalbench.run.tensorboard import summary_writer
 from causalbench.store.cells import RunFolder

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from causalbench import atomic as files
 from causalbench.core.learners.records import Evaluation, TrainingCounts
 from causalbench.errors import RunFolderError
-from causalbench.store import files
 from causalbench.store.cells import PENDING, RunFolder, Status, check_comparable
 from causalbench.store.records import read_counts, read_progress, write_counts, write_progress
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from causalbench.errors import SuiteError, UnknownNameError, UserError
-from causalbench.plugins import Plugins, load_plugins
+from causalbench.plugins.manager import Plugins, load_plugins
 from causalbench.suite.plan import DiscoveryCell, LearnerCell, Plan, content_hash, make_plan
 from causalbench.suite.schema import load_suite
 

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from causalbench.conformance.bench import Bench, expect
 from causalbench.conformance.checks.repeat import check_restored
 from causalbench.conformance.moves import ANGLE_ERROR, POSITION_ERROR, accepts, act, contacts, start, steps, vector
-from causalbench.core import lidar, rotations
-from causalbench.core.layout import Layout
-from causalbench.core.scene import Facts, Scene
+from causalbench.core.numerics import rotations
 from causalbench.core.tasks import rooms
 from causalbench.core.tasks.mobile_manipulation import TASK
+from causalbench.core.world import lidar
+from causalbench.core.world.layout import Layout
+from causalbench.core.world.scene import Facts, Scene
 
 Array = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ import numpy as np
 from causalbench.conformance.bench import Bench, MakeScene, expect
 from causalbench.conformance.moves import row, start
 from causalbench.conformance.process import in_new_process
-from causalbench.core.layout import Layout
+from causalbench.core.world.layout import Layout
 
 
 def s35_close(bench: Bench) -> None:

@@ -25,10 +25,10 @@ from causalbench.conformance.moves import (
     to_base,
     walk,
 )
-from causalbench.core import rotations
-from causalbench.core.layout import Layout
-from causalbench.core.scene import Scene
+from causalbench.core.numerics import rotations
 from causalbench.core.tasks import pure_manipulation as task
+from causalbench.core.world.layout import Layout
+from causalbench.core.world.scene import Scene
 from causalbench.errors import InvalidActionError
 
 OWN_AXIS, CROSS_TALK = 0.10, 0.05  # of the declared amount
@@ -239,7 +239,7 @@ def s22_invalid_actions(bench: Bench) -> None:
             continue
         except Exception as error:
             raise AssertionError(f"an action with {what} raised {type(error).__name__}: {error}") from error
-        raise AssertionError(f"an action with {what} was executed; see `causalbench.core.scene.check_action`")
+        raise AssertionError(f"an action with {what} was executed; see `causalbench.core.world.scene.check_action`")
     expect(np.array_equal(row(scene.facts()), before), "a refused action changed the facts")
     off = np.abs(walk(scene, 0, 3) - expected).max()
     expect(off < POSITION_ERROR, f"after refused actions the same steps end elsewhere, by up to {off:.2g}")

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from causalbench.conformance.bench import Bench, MakeScene, expect
 from causalbench.conformance.moves import grasp, press, row, start, walk
 from causalbench.conformance.process import in_new_process
-from causalbench.core.layout import Layout
-from causalbench.core.scene import Scene
+from causalbench.core.world.layout import Layout
+from causalbench.core.world.scene import Scene
 from causalbench.errors import SnapshotError
 
 Array = NDArray[np.float64]

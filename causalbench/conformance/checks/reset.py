@@ -19,10 +19,10 @@ from causalbench.conformance.moves import (
     row,
     start,
 )
-from causalbench.core import rotations
-from causalbench.core.layout import Box, Layout
-from causalbench.core.scene import Facts
+from causalbench.core.numerics import rotations
 from causalbench.core.tasks.pure_manipulation import BASE_YAW, N_STAGES
+from causalbench.core.world.layout import Box, Layout
+from causalbench.core.world.scene import Facts
 
 ELSEWHERE = (0.4, -0.3, 0.7)
 """Another place for the robot's base: x m, y m, yaw rad."""

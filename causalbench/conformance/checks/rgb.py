@@ -6,7 +6,7 @@ import numpy as np
 
 from causalbench.conformance.bench import Bench, expect
 from causalbench.conformance.moves import aside, row, start
-from causalbench.core.cameras import HEIGHT, WIDTH
+from causalbench.core.world.cameras import HEIGHT, WIDTH
 
 
 def s48_picture(bench: Bench) -> None:

@@ -6,9 +6,9 @@ import numpy as np
 
 from causalbench.conformance.bench import Bench, expect
 from causalbench.conformance.moves import start
-from causalbench.core.scene import Scene
-from causalbench.core.tasks.hold_test import lift_and_hold
+from causalbench.core.tasks.lift_and_hold import lift_and_hold
 from causalbench.core.tasks.pure_manipulation import TASK
+from causalbench.core.world.scene import Scene
 
 
 def _solve(scene: Scene) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from causalbench.conformance.bench import Bench, expect
-from causalbench.core.scene import ACTION_SPEED
+from causalbench.core.world.scene import ACTION_SPEED
 from causalbench.errors import CausalbenchError
 
 CAPABILITIES = frozenset({"rgb", "lidar", "exact_restore", "mobile_base", "physics"})

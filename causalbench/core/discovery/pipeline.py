@@ -12,15 +12,15 @@ from importlib.metadata import version
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core.discovery.calibration import calibrate
-from causalbench.core.discovery.collect import Samples, StageSamples
-from causalbench.core.discovery.collection import Collection, Origin, Recipe, SampleStore, Stream
-from causalbench.core.discovery.discoverers import DISCOVERERS, Discoverer
 from causalbench.core.discovery.graph import CausalGraph, StageGraph, declared_matrix
+from causalbench.core.discovery.methods.kl.placebos import calibrate
+from causalbench.core.discovery.registry import DISCOVERERS, Discoverer
+from causalbench.core.discovery.samples.collect import Samples, StageSamples
+from causalbench.core.discovery.samples.collection import Collection, Origin, Recipe, SampleStore, Stream
 from causalbench.core.discovery.settings import DiscoverySettings
-from causalbench.core.layout import Layout
-from causalbench.core.scene import Array, Facts, Scene
 from causalbench.core.tasks.task import Task
+from causalbench.core.world.layout import Layout
+from causalbench.core.world.scene import Array, Facts, Scene
 from causalbench.errors import LayoutDrawError, UndecidedStageError, UnknownNameError, UserError
 
 Progress = Callable[[float, str], None]

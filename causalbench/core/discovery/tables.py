@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import pandas as pd
 
 from causalbench.core.discovery.graph import CausalGraph, used_kl
-from causalbench.core.discovery.oracle import StageTruth
-from causalbench.core.discovery.score import score_rows
+from causalbench.core.discovery.truth.oracle import StageTruth
+from causalbench.core.discovery.truth.score import score_rows
 
 
 def kl_table(graph: CausalGraph) -> pd.DataFrame:

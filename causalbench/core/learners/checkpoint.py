@@ -17,7 +17,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save_file
 from torch import Tensor
 
-from causalbench.core.learners.learner import State
+from causalbench.core.networks.state import State
 from causalbench.errors import CheckpointError
 
 SCHEMA = 2

@@ -15,10 +15,10 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core.batch import BatchScene
 from causalbench.core.discovery.graph import CausalGraph, StageGraph
-from causalbench.core.tasks.restricted_expert import STARTS, solved_starts
+from causalbench.core.staged.restricted_expert import STARTS, solved_starts
 from causalbench.core.tasks.task import Task
+from causalbench.core.world.batch import BatchScene
 from causalbench.errors import InvalidGraphError
 
 Matrix = NDArray[np.bool_]  # (n_actions, n_terms)

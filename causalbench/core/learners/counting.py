@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core.learners.learner import State
 from causalbench.core.learners.records import TrainingCounts
+from causalbench.core.networks.state import State
 
 LONG = 3  # steps that a reversal lasts to count as long
 

@@ -7,16 +7,12 @@ from contextlib import contextmanager
 from typing import Any, Protocol
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
-from torch import Tensor
 
-from causalbench.core.env import Observation
 from causalbench.core.learners.policy import StagedPolicy
+from causalbench.core.networks.state import State
+from causalbench.core.staged.env import Observation
 from causalbench.errors import DivergedError
-
-State = dict[str, Any]
-"""All that a continuation needs, flat: tensors, and values that JSON keeps exactly (numbers, texts, lists, dicts)."""
 
 
 class StagedLearner(Protocol):
@@ -53,41 +49,3 @@ def diverging_in(stage: int) -> Iterator[None]:
         yield
     except DivergedError as error:
         raise DivergedError(f"stage {stage}: {error}") from error
-
-
-def prefixed(prefix: str, state: Mapping[str, Any]) -> State:
-    """`state` with `prefix.` before each name."""
-    return {f"{prefix}.{name}": value for name, value in state.items()}
-
-
-def below(prefix: str, state: Mapping[str, Any]) -> State:
-    """What `prefixed(prefix, ...)` put into `state`."""
-    start = f"{prefix}."
-    return {name.removeprefix(start): value for name, value in state.items() if name.startswith(start)}
-
-
-def tensor_state(tensors: list[Tensor]) -> State:
-    """Weights by their index."""
-    return {str(k): tensor.detach() for k, tensor in enumerate(tensors)}
-
-
-def load_tensors(tensors: list[Tensor], state: State) -> None:
-    """Overwrite `tensors` in place: others hold references to them."""
-    with torch.no_grad():
-        for k, tensor in enumerate(tensors):
-            tensor.copy_(state[str(k)])
-
-
-def optimizer_state(optimizer: torch.optim.Optimizer) -> State:
-    """The moments and step counts of every weight; empty before the first step."""
-    moments = optimizer.state_dict()["state"]
-    return {f"{k}.{name}": value for k, values in moments.items() for name, value in values.items()}
-
-
-def load_optimizer(optimizer: torch.optim.Optimizer, state: State) -> None:
-    """What `optimizer_state` gave; hyperparameters stay the optimiser's own."""
-    moments: dict[int, dict[str, Any]] = {}
-    for name, value in state.items():
-        k, _, moment = name.partition(".")
-        moments.setdefault(int(k), {})[moment] = value
-    optimizer.load_state_dict({"state": moments, "param_groups": optimizer.state_dict()["param_groups"]})

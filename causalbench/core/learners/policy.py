@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from safetensors.torch import load_file, save_file
 from torch import Tensor
 
-from causalbench.core.encoder import Encoder
-from causalbench.core.learners.gaussian_networks import gaussian_actor_forward
-from causalbench.core.learners.networks import actor_forward, squashed_sample
+from causalbench.core.networks.encoder import Encoder
+from causalbench.core.networks.gaussian import gaussian_actor_forward
+from causalbench.core.networks.squashed_gaussian import actor_forward, squashed_sample
 from causalbench.errors import UserError
 
 SCHEMA = 2

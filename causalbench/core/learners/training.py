@@ -10,24 +10,25 @@ from typing import Any
 import numpy as np
 import torch
 
-import causalbench
-from causalbench.core.batch import make_batch
+from causalbench._version import __version__
 from causalbench.core.discovery.graph import CausalGraph
-from causalbench.core.env import StageTaskEnv
 from causalbench.core.learners.checkpoint import Checkpoints, load_checkpoint, save_checkpoint
 from causalbench.core.learners.counting import Counter
-from causalbench.core.learners.evaluate import evaluate
-from causalbench.core.learners.learner import StagedLearner, below, prefixed
+from causalbench.core.learners.evaluation import evaluate
+from causalbench.core.learners.learner import StagedLearner
 from causalbench.core.learners.methods import Method
 from causalbench.core.learners.policy import ObservationScale, StagedPolicy
+from causalbench.core.learners.ppo.staged import StagedPPO
 from causalbench.core.learners.records import Evaluation, TrainingCounts
+from causalbench.core.learners.sac.staged import StagedSAC
 from causalbench.core.learners.settings import PRESETS, EvaluationSettings, LearnerSettings
-from causalbench.core.learners.staged_ppo import StagedPPO
-from causalbench.core.learners.staged_sac import StagedSAC
 from causalbench.core.learners.training_graph import training_graph
-from causalbench.core.scene import Scene, SceneSpec
+from causalbench.core.networks.state import below, prefixed
+from causalbench.core.staged.env import StageTaskEnv
+from causalbench.core.staged.vector_env import StageTaskVectorEnv
 from causalbench.core.tasks.task import Task
-from causalbench.core.vector_env import StageTaskVectorEnv
+from causalbench.core.world.batch import make_batch
+from causalbench.core.world.scene import Scene, SceneSpec
 from causalbench.errors import DivergedError, UserError
 
 LOG = logging.getLogger(__name__)
@@ -73,7 +74,7 @@ def train(
     judge_env = StageTaskEnv(task, make_scene(), observe_gripper=gripper, observe=observe)
     try:
         if method.stock:
-            from causalbench.core.learners.stock import train_stock  # SB3 takes a second to import
+            from causalbench.core.learners.sb3.stock import train_stock  # SB3 takes a second to import
 
             if checkpoints:
                 LOG.info("stable-baselines3's own agents keep no checkpoints")
@@ -144,5 +145,5 @@ def _identity(
         "evaluation": dataclasses.asdict(evaluation),
         "env_steps": env_steps,
         "seed": seed,
-        "versions": {"causalbench": causalbench.__version__, "numpy": np.__version__, "torch": torch.__version__},
+        "versions": {"causalbench": __version__, "numpy": np.__version__, "torch": torch.__version__},
     }

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from causalbench.core.batch import make_batch
 from causalbench.core.discovery.graph import CausalGraph, manual_graph
-from causalbench.core.discovery.oracle import ORACLE_STATES, consult_oracle, oracle_graph
+from causalbench.core.discovery.truth.oracle import ORACLE_STATES, consult_oracle, oracle_graph
 from causalbench.core.learners.controls import control_graph
 from causalbench.core.learners.methods import Method
-from causalbench.core.scene import Scene
 from causalbench.core.tasks.task import Task
+from causalbench.core.world.batch import make_batch
+from causalbench.core.world.scene import Scene
 from causalbench.errors import InvalidGraphError
 
 

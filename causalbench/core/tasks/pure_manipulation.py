@@ -13,13 +13,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core import rotations
-from causalbench.core.broadcast import broadcast, scalar
-from causalbench.core.layout import Box, Layout, Workspace
-from causalbench.core.scene import Facts, SceneSpec
-from causalbench.core.tasks.rewards import ANGLE_SCALE, COLLISION, DISTANCE_SCALE, HORIZON, STAGE_BONUS
+from causalbench.core.numerics import rotations
+from causalbench.core.numerics.gufunc import broadcast, scalar
+from causalbench.core.tasks.reward_scales import ANGLE_SCALE, COLLISION, DISTANCE_SCALE, HORIZON, STAGE_BONUS
 from causalbench.core.tasks.stages import active_terms
 from causalbench.core.tasks.task import CausalSets, Task, Term, causal_sets, named_constants
+from causalbench.core.world.layout import Box, Layout, Workspace
+from causalbench.core.world.scene import Facts, SceneSpec
 
 Array = NDArray[np.float64]
 

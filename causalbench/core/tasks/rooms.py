@@ -13,9 +13,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core import rotations
-from causalbench.core.layout import Box
-from causalbench.core.lidar import box_rows
+from causalbench.core.numerics import rotations
+from causalbench.core.world.layout import Box
+from causalbench.core.world.lidar import box_rows
 
 Array = NDArray[np.float64]
 

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core.scene import Facts
 from causalbench.core.tasks.task import Task, Term
+from causalbench.core.world.scene import Facts
 
 Array = NDArray[np.float64]
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from causalbench.hookspecs import Backend, hookimpl
+from causalbench.plugins.hookspecs import Backend, hookimpl
 
 if TYPE_CHECKING:
-    from causalbench.core.scene import Scene
+    from causalbench.core.world.scene import Scene
 
 ENGINE, ROBOT = "MuJoCo", "six-hinge arm"
 MODULES = ("mujoco",)

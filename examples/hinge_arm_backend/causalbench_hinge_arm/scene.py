@@ -8,10 +8,11 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from causalbench.core import arm_ik, rotations, stepping
-from causalbench.core.layout import Box, Layout, Workspace
-from causalbench.core.scene import ACTION_SPEED, Facts, Scene, SceneSpec, check_action
-from causalbench.core.snapshots import SnapshotCodec
+from causalbench.core.kit import arm_ik, stepping
+from causalbench.core.kit.snapshots import SnapshotCodec
+from causalbench.core.numerics import rotations
+from causalbench.core.world.layout import Box, Layout, Workspace
+from causalbench.core.world.scene import ACTION_SPEED, Facts, Scene, SceneSpec, check_action
 from causalbench_hinge_arm import CAPABILITIES, ENGINE, ROBOT
 
 Array = NDArray[np.float64]

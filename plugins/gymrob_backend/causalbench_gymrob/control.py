@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core import arm_ik
-from causalbench.core.compiled import compiled, external
+from causalbench.core.kit import arm_ik
+from causalbench.core.numerics.compiled import compiled, external
 from causalbench_gymrob.engine import mujoco
 from causalbench_gymrob.model import FINGER_RANGE
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core import driving, lidar
-from causalbench.core.fetch import BASE_FORCE, CARRY, LIDAR_POSITION
-from causalbench.core.layout import Box, Layout
-from causalbench.core.scene import check_action
-from causalbench.core.snapshots import SnapshotCodec
+from causalbench.core.kit import base_following as driving
+from causalbench.core.kit.robots.fetch import BASE_FORCE, CARRY, LIDAR_POSITION
+from causalbench.core.kit.snapshots import SnapshotCodec
+from causalbench.core.world import lidar
+from causalbench.core.world.layout import Box, Layout
+from causalbench.core.world.scene import check_action
 from causalbench_gymrob.engine import mujoco
 from causalbench_gymrob.model import ALL_BITS
 from causalbench_gymrob.scene import GymrobScene

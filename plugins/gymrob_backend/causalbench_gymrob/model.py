@@ -11,7 +11,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core import arm_ik, fetch, readings
+from causalbench.core.kit import arm_ik
+from causalbench.core.kit import contacts as readings
+from causalbench.core.kit.robots import fetch
 from causalbench_gymrob.engine import mujoco
 
 ARM_JOINTS = tuple(f"robot0:{name}_joint" for name in fetch.JOINTS)

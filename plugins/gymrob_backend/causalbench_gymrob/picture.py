@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core.cameras import FOV, Camera
+from causalbench.core.world.cameras import FOV, Camera
 from causalbench.errors import CausalbenchError
 from causalbench_gymrob.engine import mujoco
 

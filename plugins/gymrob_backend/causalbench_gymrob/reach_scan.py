@@ -1,6 +1,6 @@
 """`python -m causalbench_gymrob.reach_scan` prints the scan behind Fetch's `WORKSPACE`.
 
-Beyond the rule of `causalbench.core.reach_scan`, the hand starts no higher than the upper arm stays clear of the head
+Beyond the rule of `core.kit.reach_scan`, the hand starts no higher than the upper arm stays clear of the head
 on the way down.
 """
 
@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import sys
 
-from causalbench.core.fetch import ARM_STARTS
-from causalbench.core.reach_scan import Arm, scan
+from causalbench.core.kit.reach_scan import Arm, scan
+from causalbench.core.kit.robots.fetch import ARM_STARTS
 from causalbench_gymrob.scene import GymrobScene
 from causalbench_gymrob.world import World
 

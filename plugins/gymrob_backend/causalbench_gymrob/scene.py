@@ -8,12 +8,13 @@ from importlib import metadata
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core import arm_ik, readings, stepping
-from causalbench.core.cameras import find_camera
-from causalbench.core.fetch import ACTIONS, ARM_STARTS, FINGER_STROKE, WORKSPACE
-from causalbench.core.layout import Layout
-from causalbench.core.scene import ACTION_SPEED, Facts, Scene, SceneSpec, check_action
-from causalbench.core.snapshots import SnapshotCodec
+from causalbench.core.kit import arm_ik, stepping
+from causalbench.core.kit import contacts as readings
+from causalbench.core.kit.robots.fetch import ACTIONS, ARM_STARTS, FINGER_STROKE, WORKSPACE
+from causalbench.core.kit.snapshots import SnapshotCodec
+from causalbench.core.world.cameras import find_camera
+from causalbench.core.world.layout import Layout
+from causalbench.core.world.scene import ACTION_SPEED, Facts, Scene, SceneSpec, check_action
 from causalbench.errors import CausalbenchError
 from causalbench_gymrob import __version__, control
 from causalbench_gymrob.engine import mujoco

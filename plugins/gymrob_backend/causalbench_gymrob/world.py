@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core.layout import Box
+from causalbench.core.world.layout import Box
 from causalbench_gymrob import model as fetch
 from causalbench_gymrob.engine import mujoco
 

@@ -6,8 +6,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from causalbench.core import arm_ik
-from causalbench.core.fetch import ARM_STARTS
+from causalbench.core.kit import arm_ik
+from causalbench.core.kit.robots.fetch import ARM_STARTS
 from causalbench.errors import UnreachableLayoutError
 from causalbench_gymrob import model as fetch
 from causalbench_gymrob.world import World

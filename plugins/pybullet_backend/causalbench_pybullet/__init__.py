@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from causalbench.core.driving import CAPABILITIES
-from causalbench.hookspecs import Backend, hookimpl
+from causalbench.core.kit.base_following import CAPABILITIES
+from causalbench.plugins.hookspecs import Backend, hookimpl
 
 if TYPE_CHECKING:
-    from causalbench.core.scene import Scene
+    from causalbench.core.world.scene import Scene
 
 __version__ = "0.1.0"
 

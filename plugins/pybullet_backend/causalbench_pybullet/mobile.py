@@ -8,11 +8,12 @@ from itertools import repeat
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core import driving, lidar
-from causalbench.core.fetch import BASE_FORCE, CARRY, LIDAR_POSITION
-from causalbench.core.layout import Layout
-from causalbench.core.scene import check_action
-from causalbench.core.snapshots import SnapshotCodec
+from causalbench.core.kit import base_following as driving
+from causalbench.core.kit.robots.fetch import BASE_FORCE, CARRY, LIDAR_POSITION
+from causalbench.core.kit.snapshots import SnapshotCodec
+from causalbench.core.world import lidar
+from causalbench.core.world.layout import Layout
+from causalbench.core.world.scene import check_action
 from causalbench_pybullet.engine import pb
 from causalbench_pybullet.reading import read_contacts
 from causalbench_pybullet.robot import Robot

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core.readings import HOLDING_FORCE
+from causalbench.core.kit.contacts import HOLDING_FORCE
 from causalbench_pybullet.engine import pb
 from causalbench_pybullet.robot import Robot
 from causalbench_pybullet.world import World

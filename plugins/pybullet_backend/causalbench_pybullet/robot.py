@@ -16,8 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
-from causalbench.core import fetch
-from causalbench.core.arm_ik import Chain
+from causalbench.core.kit.arm_ik import Chain
+from causalbench.core.kit.robots import fetch
 
 _GENERATOR = (Path(__file__).with_name("urdf.py"), Path(fetch.__file__))
 

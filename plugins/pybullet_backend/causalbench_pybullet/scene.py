@@ -7,11 +7,12 @@ from importlib import metadata
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core import arm_ik, fetch, stepping
-from causalbench.core.cameras import find_camera
-from causalbench.core.layout import Layout
-from causalbench.core.scene import ACTION_SPEED, Facts, Scene, SceneSpec, check_action
-from causalbench.core.snapshots import SnapshotCodec
+from causalbench.core.kit import arm_ik, stepping
+from causalbench.core.kit.robots import fetch
+from causalbench.core.kit.snapshots import SnapshotCodec
+from causalbench.core.world.cameras import find_camera
+from causalbench.core.world.layout import Layout
+from causalbench.core.world.scene import ACTION_SPEED, Facts, Scene, SceneSpec, check_action
 from causalbench.errors import CausalbenchError, UserError
 from causalbench_pybullet import __version__, robot
 from causalbench_pybullet.reading import read_contacts, read_poses

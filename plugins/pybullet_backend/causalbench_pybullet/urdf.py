@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core import fetch
-from causalbench.core.importing import variable_by_default
+from causalbench.core.kit.environment_variables import variable_by_default
+from causalbench.core.kit.robots import fetch
 
 with variable_by_default("MUJOCO_GL", "disable"):  # it needs no window system
     import mujoco

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core import fetch
-from causalbench.core.cameras import FOV, Camera
-from causalbench.core.layout import Box, Layout
+from causalbench.core.kit.robots import fetch
+from causalbench.core.world.cameras import FOV, Camera
+from causalbench.core.world.layout import Box, Layout
 from causalbench_pybullet.engine import pb
 from causalbench_pybullet.robot import Robot
 

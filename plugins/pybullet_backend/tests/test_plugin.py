@@ -7,7 +7,7 @@ import pytest
 
 import causalbench_pybullet
 from causalbench.errors import BrokenVersionError, CausalbenchError, UserError
-from causalbench.hookspecs import Backend
+from causalbench.plugins.hookspecs import Backend
 from causalbench_pybullet import make, versions
 
 

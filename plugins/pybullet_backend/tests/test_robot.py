@@ -11,7 +11,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from causalbench.core import arm_ik, fetch, rotations
+from causalbench.core.kit import arm_ik
+from causalbench.core.kit.robots import fetch
+from causalbench.core.numerics import rotations
 from causalbench_pybullet import robot
 from causalbench_pybullet.engine import pb
 from causalbench_pybullet.reading import read_poses

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core import arm_ik
-from causalbench.core.compiled import compiled, external
+from causalbench.core.kit import arm_ik
+from causalbench.core.numerics.compiled import compiled, external
 from causalbench_robosuite import riding
 from causalbench_robosuite.engine import mujoco
 from causalbench_robosuite.structs import N_JOINTS, Base, Law, Reference, Robot, State, Work

@@ -8,11 +8,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core import driving, lidar, readings
-from causalbench.core.fetch import LIDAR_POSITION  # the same rooms and scans as Fetch's
-from causalbench.core.layout import Box, Carry, Layout, Workspace
-from causalbench.core.scene import check_action
-from causalbench.core.snapshots import SnapshotCodec
+from causalbench.core.kit import base_following as driving
+from causalbench.core.kit import contacts as readings
+from causalbench.core.kit.robots.fetch import LIDAR_POSITION  # the same rooms and scans as Fetch's
+from causalbench.core.kit.snapshots import SnapshotCodec
+from causalbench.core.world import lidar
+from causalbench.core.world.layout import Box, Carry, Layout, Workspace
+from causalbench.core.world.scene import check_action
 from causalbench_robosuite import model as panda
 from causalbench_robosuite.engine import mujoco
 from causalbench_robosuite.scene import WORKSPACE, RobosuiteScene

@@ -14,8 +14,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core import arm_ik, readings
-from causalbench.core.importing import variable_by_default
+from causalbench.core.kit import arm_ik
+from causalbench.core.kit import contacts as readings
+from causalbench.core.kit.environment_variables import variable_by_default
 from causalbench_robosuite.engine import mujoco
 
 Array = NDArray[np.float64]

@@ -1,6 +1,6 @@
 """`python -m causalbench_robosuite.reach_scan` prints the scan behind `WORKSPACE`.
 
-Beyond the rule of `causalbench.core.reach_scan`, joint 6 stays on the near side of pi, where the axes of joints 5 and 7
+Beyond the rule of `core.kit.reach_scan`, joint 6 stays on the near side of pi, where the axes of joints 5 and 7
 are parallel: a tilted hand that passes through there comes out with the forearm turned over. That puts the table high.
 """
 
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import sys
 
-from causalbench.core.reach_scan import Arm, scan
+from causalbench.core.kit.reach_scan import Arm, scan
 from causalbench_robosuite.scene import ARM_STARTS, RobosuiteScene
 from causalbench_robosuite.world import World
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core import arm_ik
-from causalbench.core.compiled import compiled
+from causalbench.core.kit import arm_ik
+from causalbench.core.numerics.compiled import compiled
 from causalbench_robosuite.structs import Base, Reference, Robot, State
 
 Array = NDArray[np.float64]

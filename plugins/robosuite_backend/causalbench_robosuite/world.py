@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core import rotations
-from causalbench.core.layout import Box
+from causalbench.core.numerics import rotations
+from causalbench.core.world.layout import Box
 from causalbench_robosuite import model as panda
 from causalbench_robosuite import structs
 from causalbench_robosuite.engine import mujoco

@@ -5,7 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from causalbench.core import arm_ik
+from causalbench.core.kit import arm_ik
 from causalbench_robosuite import model as panda
 from causalbench_robosuite.world import World
 

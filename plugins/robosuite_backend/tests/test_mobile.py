@@ -12,10 +12,11 @@ import numpy as np
 import pytest
 
 from causalbench.conformance.moves import act
-from causalbench.core import readings, rotations
-from causalbench.core.layout import Layout
+from causalbench.core.kit import contacts as readings
+from causalbench.core.numerics import rotations
 from causalbench.core.tasks import mobile_manipulation as task
 from causalbench.core.tasks import rooms
+from causalbench.core.world.layout import Layout
 from causalbench_robosuite import model as panda
 from causalbench_robosuite.mobile import AXIS, CARRY, FIXED_FOOT, FOOT, MobileRobosuiteScene
 from causalbench_robosuite.world import World

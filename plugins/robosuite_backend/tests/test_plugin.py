@@ -4,7 +4,7 @@ import pytest
 
 import causalbench_robosuite
 from causalbench.errors import BrokenVersionError
-from causalbench.hookspecs import Backend
+from causalbench.plugins.hookspecs import Backend
 from causalbench_robosuite import make, versions
 
 

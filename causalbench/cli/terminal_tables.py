@@ -1,0 +1,209 @@
+"""Tables for people, on the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from causalbench.core.discovery.graph import CausalGraph, StageGraph
+from causalbench.plugins.manager import Plugins
+from causalbench.run.doctor import Finding
+from causalbench.store.cells import RunFolder, Status
+
+if TYPE_CHECKING:
+    from causalbench.core.discovery.truth.oracle import StageTruth
+
+Row = Mapping[str, Any]
+
+BOARD = {
+    "rank": "rank", "method": "method", "backend": "backend", "seeds": "seeds", "success_auc_iqm": "success AUC (IQM)",
+    "final_success": "success", "held_rate": "held", "steps_to_90": "steps to 90%",
+    "steps_to_90_with_discovery": "with discovery", "reversals": "reversals/1000", "failed_cells": "failed",
+    "verdict": "verdict",
+}  # fmt: skip
+"""Column of `leaderboard.csv` -> its heading on the terminal."""
+
+
+def progress_console() -> Console:
+    """Progress goes to stderr, so that stdout holds results alone."""
+    return Console(stderr=True)
+
+
+def print_leaderboard(rows: Sequence[Row]) -> None:
+    """The leaderboard; an interval stands in brackets behind its number."""
+    table = Table(*BOARD.values(), title="Leaderboard: area under the success curve", title_justify="left")
+    for row in rows:
+        cells = {key: _text(row.get(key)) for key in BOARD}
+        if row.get("success_auc_iqm_low") is not None:
+            cells["success_auc_iqm"] += f" [{row['success_auc_iqm_low']:.3f}, {row['success_auc_iqm_high']:.3f}]"
+        if row.get("p_better_than_next") is not None:
+            low, high = row["p_better_low"], row["p_better_high"]
+            cells["verdict"] += f", P(better) {row['p_better_than_next']:.2f} [{low:.2f}, {high:.2f}]"
+        table.add_row(*(escape(cells[key]) for key in BOARD))
+    _print(table)
+
+
+def print_known_gaps(runs: Iterable[RunFolder]) -> None:
+    """A footnote of the leaderboard: which lines of the contract the backends of `runs` are known not to keep."""
+    for line in dict.fromkeys(
+        f"Known gap of {backend}: {number}, {reason}"
+        for run in runs
+        for backend, gaps in run.known_gaps().items()
+        for number, reason in gaps.items()
+    ):
+        _print(line)
+
+
+def print_unfinished(statuses: Mapping[str, Status], folder: Path) -> None:
+    """A line for every cell that is not done, then where the files are."""
+    for name, status in statuses.items():
+        if status.state != "done":
+            _print(f"{name}: {status.state}. {status.reason}")
+    _print(f"Tables and policies: {folder}")
+
+
+def print_plan(rows: Sequence[Row], folder: Path, jobs: int) -> None:
+    """What would run, and how long it would take with `jobs` cells at a time."""
+    table = Table("cell", "kind", "state", "time", title=f"Plan for {folder}", title_justify="left")
+    for row in rows:
+        table.add_row(
+            row["cell"], row["kind"], row["state"], "" if row["seconds"] is None else f"{row['seconds']:.0f} s"
+        )
+    _print(table)
+    left = [row["seconds"] for row in rows if row["state"] != "done"]
+    if None in left:
+        _print("No estimate for some cells: no such cell has run in this folder yet.")
+    else:
+        _print(f"About {sum(left) / jobs / 60:.1f} minutes left, {jobs} cells at a time.")
+
+
+def print_graph(graph: CausalGraph, folder: Path) -> None:
+    """Per stage the matrix beside its KL values; a selected action is marked."""
+    for stage in graph.stages:
+        _print(_stage_table(stage))
+        for note in stage.notes:
+            _print(f"Stage {stage.stage}: {note}")
+    if any(stage.kl is not None for stage in graph.stages):
+        _print("KL1 = KL(P1||P2), KL2 = KL(P2||P1); P1 = p(r | s, do(a = 0)), P2 = p(r | s, random a); X: selected")
+    _print(f"Causal graph {graph.hash}, {graph.env_steps} environment steps; written to {folder}")
+
+
+def print_oracle(graph: CausalGraph, truth: Sequence[StageTruth]) -> None:
+    """Every edge that is there or was selected, with its effect and grade, then the scores."""
+    from causalbench.core.discovery.tables import oracle_table, score_table
+
+    edges = Table("stage", "reward", "action", "effect", "interval", "grade", "selected", title="Oracle")
+    for row in oracle_table(graph, truth).to_dict("records"):
+        if row["grade"] != "absent" or row["selected"]:
+            interval = escape(f"[{row['effect_low']:.4f}, {row['effect_high']:.4f}]")
+            named = (str(row[key]) for key in ("stage", "reward", "action"))
+            edges.add_row(*named, f"{row['effect']:.4f}", interval, row["grade"], "X" if row["selected"] else "")
+    _print(edges)
+    scores = Table("stage", "precision", "recall", "F1", "SHD", "F1, weak counted", title="Score on strong edges")
+    for row in score_table(graph, truth).to_dict("records"):
+        ratios = [f"{row[key]:.3f}" for key in ("precision", "recall", "f1")]
+        scores.add_row(str(row["stage"]), *ratios, str(row["shd"]), f"{row['f1_weak_present']:.3f}")
+    _print(scores)
+    _print(_floor(graph))
+
+
+def _floor(graph: CausalGraph) -> str:
+    """What the oracle took, and how small an effect it can see."""
+    took = f"The oracle took {graph.oracle['env_steps']} environment steps of its own"
+    if graph.oracle["exact_restore"]:
+        return f"{took}; snapshots restore exactly, so its error floor is 0."
+    floors = [
+        (value, f"{term} of stage {stage}")
+        for stage, row in graph.oracle["floor"].items()
+        for term, value in row.items()
+        if value is not None
+    ]
+    value, where = max(floors, default=(0.0, "none"))
+    return f"{took}; restoring is not exact: repeating the same action shows effects up to {value:.2g} ({where})."
+
+
+def _stage_table(graph: StageGraph) -> Table:
+    causal = ", ".join(graph.causal_actions()) or "none"
+    enough = "" if graph.sufficient is None else f"; enough for a policy: {', '.join(graph.sufficient)}"
+    table = Table("action", title=f"Stage {graph.stage}: causal actions {causal}{enough}", title_justify="left")
+    for term in graph.terms:
+        table.add_column(f"{term}\nselected  {_evidence_names(graph)}")
+    for row, action in enumerate(graph.actions):
+        table.add_row(action, *(_edge(graph, row, column) for column in range(len(graph.terms))))
+    if graph.cv is not None:
+        table.add_row("cv", *(f"    {value:.2f}" for value in graph.cv))
+    return table
+
+
+def _evidence_names(graph: StageGraph) -> str:
+    return " ".join(f"{name:>8}" for name in (("KL1", "KL2") if graph.kl is not None else graph.evidence))
+
+
+def _edge(graph: StageGraph, row: int, column: int) -> str:
+    tables = graph.evidence.values() if graph.kl is None else (graph.kl, graph.kl_reverse)
+    numbers = (f"{table[row, column]:8.4f}" for table in tables if table is not None)
+    return f"   {'X' if graph.matrix[row, column] else '.'}  {' '.join(numbers)}"
+
+
+def print_backends(plugins: Plugins) -> None:
+    """One row per backend and one per plugin that could not be loaded."""
+    table = Table("backend", "engine", "robot", "plugin", "version", "capabilities", "known gaps", "state")
+    for name, backend in sorted(plugins.backends.items()):
+        owner = plugins.owners[name]
+        state = plugins.problem(name) or "ok"
+        gaps = "; ".join(f"{number}: {reason}" for number, reason in backend.known_gaps.items()) or "none"
+        can = ", ".join(sorted(backend.capabilities | backend.mobile_capabilities)) or "none"
+        cells = (name, backend.engine, backend.robot, owner.distribution, owner.version, can, gaps, state)
+        table.add_row(*map(escape, cells))
+    for row in plugins.rows:
+        if row.error:
+            table.add_row(
+                "-", "", "", row.distribution, row.version, "", "", f"could not be loaded: {escape(row.error)}"
+            )
+    _print(table)
+
+
+def print_checks(backend: str, results: Iterable[dict[str, Any]]) -> list[dict[str, Any]]:
+    """One row per line of the contract, in colour, and a summary; the rows, for the caller."""
+    colours = {"pass": "green", "fail": "red", "known gap": "yellow", "not applicable": "dim"}
+    table = Table("", "contract", "outcome", "message", title=f"Conformance of {backend}", title_justify="left")
+    rows = []
+    with progress_console().status(f"checking {backend}"):
+        for row in results:
+            rows.append(row)
+            outcome = f"[{colours[row['outcome']]}]{row['outcome']}[/]"
+            table.add_row(row["number"], escape(row["sentence"]), outcome, escape(row["message"]))
+    _print(table)
+    counts = {outcome: sum(row["outcome"] == outcome for row in rows) for outcome in colours}
+    seconds = sum(row["seconds"] for row in rows)
+    _print(", ".join(f"{outcome}: {count}" for outcome, count in counts.items()) + f" ({seconds:.0f} s)")
+    for row in rows:
+        if row["outcome"] == "fail":
+            _print(f"{row['number']} in full, and what is measured: {row['place']}")
+    return rows
+
+
+def print_finding(finding: Finding) -> None:
+    """One line of `doctor`, and one more with advice if something is wrong."""
+    _print(f"{'ok  ' if finding.ok else 'FAIL'}  {finding.subject}: {finding.text}")
+    if not finding.ok:
+        _print(f"      {finding.advice}")
+
+
+def _text(value: Any) -> str:
+    if value is None:
+        return "-"
+    return f"{value:.3f}".rstrip("0").rstrip(".") if isinstance(value, float) else str(value)
+
+
+def _print(content: Table | str) -> None:
+    console = Console()
+    if not console.is_terminal:
+        # A pipe has no width: do not fold what a program or a grep reads.
+        console = Console(width=1000)
+    console.print(content, highlight=False, soft_wrap=isinstance(content, str), markup=not isinstance(content, str))

@@ -1,0 +1,1 @@
+"""Methods of causal discovery, one file each."""

@@ -1,0 +1,1 @@
+"""The paper's discoverer: reward models, KL divergence, Algorithm 2."""

@@ -1,0 +1,80 @@
+"""Null edges: how large a KL is where there is no cause, and the cut that keeps a stated false-discovery rate.
+
+A placebo is an action dimension that no scene sees. Its column of the data is ours to draw, so that one extra random
+set serves any number of placebos: in each of `placebo_sets` copies of it and of D_random every placebo is drawn anew
+and is 0 in a random half of the rows, as a real action is in D_random and D_do together. A model fitted on such a copy
+is probed once per placebo.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from causalbench.core.discovery.graph import CausalGraph, StageGraph, used_kl
+from causalbench.core.discovery.samples.collect import Samples
+
+Floats = NDArray[np.float64]
+
+
+def placebo_copy(samples: Samples, n_actions: int, rng: np.random.Generator) -> Samples:
+    """The samples with every placebo drawn anew, and 0 in a random half of the rows."""
+    actions = samples.actions.copy()
+    drawn = rng.uniform(-1.0, 1.0, actions[:, n_actions:].shape)
+    actions[:, n_actions:] = drawn * (rng.random(drawn.shape) < 0.5)
+    return replace(samples, actions=actions)
+
+
+def p_values(kl: Sequence[Floats], null_kl: Sequence[Floats]) -> list[Floats]:
+    """The share of all nulls, the edge itself included, that are as large as the edge.
+
+    One array (n_actions, n_terms) and one (n_nulls, n_terms) per stage. KLs are compared as multiples of the median
+    null of their term.
+    """
+    middles = [np.median(null, axis=0).clip(np.finfo(float).tiny) for null in null_kl]
+    nulls = np.sort(np.concatenate([(null / middle).ravel() for null, middle in zip(null_kl, middles, strict=True)]))
+    as_large = [nulls.size - np.searchsorted(nulls, edge / middle) for edge, middle in zip(kl, middles, strict=True)]
+    return [(1 + count) / (1 + nulls.size) for count in as_large]
+
+
+def q_values(kl: Sequence[Floats], null_kl: Sequence[Floats]) -> list[Floats]:
+    """The least false-discovery rate at which each edge would be selected (Benjamini and Hochberg 1995).
+
+    Arguments and result as in `p_values`; all stages are one family.
+    """
+    p_of_stage = p_values(kl, null_kl)
+    p = np.concatenate([values.ravel() for values in p_of_stage])
+    order = np.argsort(p)
+    stepped = p[order] * p.size / np.arange(1, p.size + 1)
+    q = np.empty_like(p)
+    q[order] = np.minimum.accumulate(stepped[::-1])[::-1].clip(max=1.0)
+    sizes = np.cumsum([values.size for values in p_of_stage])[:-1]
+    return [part.reshape(values.shape) for part, values in zip(np.split(q, sizes), p_of_stage, strict=True)]
+
+
+def calibrate(graph: CausalGraph) -> CausalGraph:
+    """The graph with `q_value` wherever nulls were probed, selected by them if its settings say `select: fdr`.
+
+    Untestable terms keep their declared column and enter nothing.
+    """
+    tested = {s.stage: np.asarray(s.testable, dtype=bool) for s in graph.stages if s.null_kl is not None}
+    known = [s for s in graph.stages if s.stage in tested and tested[s.stage].any()]
+    if not known:
+        return graph
+    columns = [tested[s.stage] for s in known]
+    found = q_values(
+        [used_kl(graph, s.stage)[:, can] for s, can in zip(known, columns, strict=True)],
+        [np.asarray(s.null_kl)[:, can] for s, can in zip(known, columns, strict=True)],
+    )
+    settings = graph.provenance["settings"]
+    calibrated: dict[int, StageGraph] = {}
+    for stage, can, values in zip(known, columns, found, strict=True):
+        q, matrix = np.ones(stage.matrix.shape), stage.matrix.copy()
+        q[:, can] = values
+        if settings["select"] == "fdr":
+            matrix[:, can] = values <= settings["fdr"]
+        calibrated[stage.stage] = replace(stage, matrix=matrix, q_value=q)
+    return replace(graph, stages=tuple(calibrated.get(s.stage, s) for s in graph.stages))

@@ -1,0 +1,174 @@
+"""Discovery from paired interventions: same state and other actions, a_k random against 0, until an edge is decided.
+
+It estimates the effect that the oracle defines, T_kj = E[(r_j(s, a) - r_j(s, a with a_k = 0))^2] / Var(r_j), from few
+states, and stops measuring an edge once its interval leaves no doubt on which side of the grades it lies:
+
+- present: the lower bound exceeds the limit of an absent edge;
+- absent: the upper bound, with room for what was not seen, is below the limit of a strong one;
+- neither when the budget of the stage is spent: present if the estimate exceeds the geometric mean of both limits.
+
+Actions that showed no effect lately are set to 0 together: where even that changes no reward, none of them did. It
+assumes that effects of two actions do not cancel.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from causalbench.core.discovery.graph import StageGraph, declared_matrix
+from causalbench.core.discovery.samples.collect import Samples
+from causalbench.core.discovery.truth.counterfactual import ABSENT_BELOW, STRONG_ABOVE, Walk, effects
+from causalbench.errors import UndecidedStageError
+
+if TYPE_CHECKING:
+    from causalbench.core.discovery.registry import StageProblem
+
+Array = NDArray[np.float64]
+
+CONFIDENCE = 0.99  # of an interval at one look; looks are not corrected for
+UNSEEN = math.log(1 / 0.05)  # what n states did not show happens in less than UNSEEN / n of them, with 95% confidence
+FIRST_LOOK, NEXT_LOOK = 10, 1.15  # sequences before the first look, and their growth from look to look
+ALONE_FROM = 1 / 3  # an action that had an effect in at least this share of states is not tried in a group
+STREAM = 100  # beside the numbers of the sets of samples, so that no generator is used twice
+
+
+def discover_stage(problem: StageProblem) -> StageGraph:
+    """Decide the edges of one stage, with at most `paired_env_steps` control steps."""
+    return measure(problem)[0]
+
+
+def measure(problem: StageProblem) -> tuple[StageGraph, Walk]:
+    """The graph of one stage, and the random walk that visited its states."""
+    task, stage, settings = problem.task, problem.stage, problem.settings
+    scene = problem.scene()
+    rng = np.random.default_rng([problem.seed, stage, STREAM])
+    walk = Walk(task, scene, stage, rng, settings.sequence_length, settings.action_repeat)
+    edges = _Edges(walk, "exact_restore" in scene.spec.capabilities)
+    next_look, most = FIRST_LOOK, (len(task.actions) + 3) * settings.action_repeat  # that one state takes
+    while edges.open.any() and edges.env_steps + most <= settings.paired_env_steps:
+        edges.measure()
+        if edges.walk.sequence >= next_look:
+            edges.look(rng)
+            next_look = math.ceil(edges.walk.sequence * NEXT_LOOK)
+        problem.report(edges.env_steps / settings.paired_env_steps, f"{int(edges.open.sum())} edges undecided")
+    if edges.refused > len(edges.taken):
+        raise UndecidedStageError(f"{edges.refused} of {edges.refused + len(edges.taken)} states were not finite")
+    edges.look(rng)
+    problem.keep("pairs", edges.samples())
+    return edges.graph(declared_matrix(task, stage, walk.terms)), walk
+
+
+class _Edges:
+    """All (action, term) edges of one stage: what was measured of them, and what was decided."""
+
+    def __init__(self, walk: Walk, exact: bool) -> None:
+        self.walk, self.exact = walk, exact
+        shape = (len(walk.task.actions), len(walk.terms))
+        self.open = np.ones(shape, dtype=bool)
+        self.effect, self.low, self.high, self.pairs = (np.zeros(shape) for _ in range(4))
+        self.moved = np.zeros(shape)  # states in which an action had an effect
+        self.taken: list[Array] = []  # (n_terms,) rewards of the drawn actions
+        self.squares: list[Array] = []  # (n_actions, n_terms), 0 for an action without open edges: it is not measured
+        self.sequence: list[int] = []
+        self.env_steps = self.refused = 0
+        self.steps: list[tuple[NDArray[np.float32], Array, Array, int]] = []  # state, action, rewards, sequence
+
+    def measure(self) -> None:
+        """One more state: the drawn action, and it with each action that has open edges at 0, alone or in a group."""
+        drawn = self.walk.visit()
+        taken = self._try(drawn, None)
+        floor = 0.0 if self.exact else (self._try(drawn, []) - taken) ** 2
+        squares = np.zeros(self.open.shape)
+        alone, group = self._split()
+        if group:
+            together = (self._try(drawn, group) - taken) ** 2
+            if (self._moves(together) & self.open.any(0)).any():
+                alone += group
+            else:
+                squares[group] = together
+        for k in alone:
+            squares[k] = (self._try(drawn, [k]) - taken) ** 2 - floor
+        if not (np.isfinite(squares).all() and np.isfinite(taken).all()):
+            self.refused += 1
+            return
+        self.moved += self._moves(squares)
+        self.taken.append(taken)
+        self.squares.append(squares)
+        self.sequence.append(self.walk.sequence)
+
+    def _try(self, drawn: Array, off: list[int] | None) -> Array:
+        """Rewards of the drawn action with those in `off` at 0; None takes it."""
+        action = drawn.copy()
+        action[off or []] = 0.0
+        reward = self.walk.take(action) if off is None else self.walk.reward_of(action)
+        self.env_steps += self.walk.action_repeat
+        self.steps.append((self.walk.model_inputs(), action, reward, self.walk.sequence))
+        return reward
+
+    def _split(self) -> tuple[list[int], list[int]]:
+        """Actions to try alone and actions to try together; with a floor of noise nothing is a sure zero."""
+        candidates = [int(k) for k in np.flatnonzero(self.open.any(1))]
+        if not self.exact or not self.taken:
+            return candidates, []
+        share = (self.moved[:, self.open.any(0)].max(1) + 1) / (len(self.taken) + 2)
+        group = [k for k in candidates if share[k] < ALONE_FROM]
+        if len(group) < 2:
+            return candidates, []
+        return [k for k in candidates if k not in group], group
+
+    def _moves(self, squares: Array) -> NDArray[np.bool_]:
+        """Whether squares (..., n_terms) show more than the effect of an absent edge would be."""
+        return squares > ABSENT_BELOW * (np.var(self.taken, axis=0) if self.taken else 0.0)
+
+    def look(self, rng: np.random.Generator) -> None:
+        """Estimate the open edges from all states so far, and close those that are decided."""
+        n, squares, taken = len(self.taken), np.array(self.squares), np.array(self.taken)
+        found = effects(taken, squares, np.array(self.sequence), rng, CONFIDENCE)
+        effect, low, high = (np.nan_to_num(x) for x in found)
+        varies = np.isfinite(found[0])
+        shown = self._moves(squares)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            # What an event does where there is one, in variances of the term; at least 1.
+            size = np.fmax(1.0, np.where(shown, squares, 0.0).sum((0, 1)) / shown.sum((0, 1)) / taken.var(0))
+        unseen = UNSEEN / n * size
+        for table, now in ((self.effect, effect), (self.low, low), (self.high, high + unseen)):
+            table[self.open] = now[self.open]
+        self.pairs[self.open] = n
+        self.open &= ~(varies & ((self.low > ABSENT_BELOW) | (self.high < STRONG_ABOVE)))
+
+    def graph(self, declared: NDArray[np.bool_]) -> StageGraph:
+        """The decisions; an edge that is still open goes by its estimate, a term that never varied by `declared`."""
+        walk = self.walk
+        testable = np.var(self.taken, axis=0) > 1e-12
+        present = np.where(self.open, self.effect > math.sqrt(ABSENT_BELOW * STRONG_ABOVE), self.low > ABSENT_BELOW)
+        names = ("effect", "effect_low", "effect_high", "pairs")
+        evidence = dict(zip(names, (self.effect, self.low, self.high, self.pairs), strict=True))
+        undecided = [
+            f"{walk.task.actions[k]} on {walk.terms[j]} was not decided within the budget; its estimate decides"
+            for k, j in np.argwhere(self.open & testable)
+        ]
+        return StageGraph(
+            walk.stage,
+            walk.task.actions,
+            walk.terms,
+            np.where(testable, present, declared),
+            testable=testable,
+            evidence=evidence,
+            notes=tuple(undecided),
+        )
+
+    def samples(self) -> Samples:
+        """Every step that was taken: of each state first the drawn action, then what it was compared with."""
+        states, actions, rewards, sequence = (np.array(column) for column in zip(*self.steps, strict=True))
+        return Samples(
+            states,
+            actions.astype(np.float32),
+            rewards.astype(np.float32),
+            sequence.astype(np.int32),
+            self.env_steps,
+            self.refused,
+        )

@@ -1,0 +1,57 @@
+"""Discovery by a permutation test on paired interventions: does setting a_k to 0 change r_j at all?
+
+In every visited state the drawn action is taken, taken again, and taken with each a_k at 0. If a_k causes nothing, its
+difference from the first and the repetition's can be exchanged, so the sum over states of D_k^2 - D_repeat^2 is
+compared with that under random signs. An edge is present if its one-sided p-value is below `level`, divided by the
+number of edges of the stage (Bonferroni). Where restoring is exact a repetition changes nothing, and the test asks only
+whether a few states showed any effect, however small: significance, where `paired` judges size.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from causalbench.core.discovery.graph import StageGraph, declared_matrix
+from causalbench.core.discovery.truth.counterfactual import Walk
+from causalbench.errors import UndecidedStageError
+
+if TYPE_CHECKING:
+    from causalbench.core.discovery.registry import StageProblem
+
+STREAM = 101  # beside the numbers of the sets of samples and of `paired`
+FLIPS = 5_000
+ROUNDING = 1e-12  # variances of the term: a difference of a millionth of a deviation is arithmetic, no effect
+
+
+def discover_stage(problem: StageProblem) -> StageGraph:
+    """Test every edge of one stage on `permutation_states` states; each takes (n_actions + 2) actions."""
+    task, stage, settings = problem.task, problem.stage, problem.settings
+    rng = np.random.default_rng([problem.seed, stage, STREAM])
+    walk = Walk(task, problem.scene(), stage, rng, settings.sequence_length, settings.action_repeat)
+    rewards = []
+    for n in range(settings.permutation_states):
+        rewards.append(walk.compare())
+        problem.report((n + 1) / settings.permutation_states, "paired interventions")
+    values = np.array(rewards)  # (n, n_actions + 2, n_terms)
+    finite = np.isfinite(values).all((1, 2))
+    if finite.mean() < 0.5:
+        raise UndecidedStageError(f"{(~finite).sum()} of {len(values)} states were not finite")
+    values = values[finite]
+    squares, variance = (values[:, 1:] - values[:, :1]) ** 2, values[:, 0].var(0)
+    squares[squares < ROUNDING * variance] = 0.0
+    p_value = sign_flip_p_values(squares[:, 1:] - squares[:, :1], rng)
+    testable = variance > 1e-12
+    matrix = np.where(testable, p_value < settings.level / p_value.size, declared_matrix(task, stage, walk.terms))
+    return StageGraph(stage, task.actions, walk.terms, matrix, testable=testable, evidence={"p_value": p_value})
+
+
+def sign_flip_p_values(difference: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
+    """One-sided p-values (...) of `difference` (n, ...) being symmetric about 0 in each of n independent rows."""
+    rows = difference.reshape(len(difference), -1)
+    signs = rng.choice([-1.0, 1.0], (FLIPS, len(rows)))
+    tolerance = 1e-9 * np.abs(rows).sum(0)  # sums of the same numbers in another order
+    reached = signs @ rows >= rows.sum(0) - tolerance
+    return ((1 + reached.sum(0)) / (1 + FLIPS)).reshape(difference.shape[1:])

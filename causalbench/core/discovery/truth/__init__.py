@@ -1,0 +1,1 @@
+"""What is true: counterfactuals from snapshots, the oracle, and scores against it."""

@@ -1,0 +1,125 @@
+"""Graded ground truth: from a snapshot, the same state and the same other actions, a_k random against 0.
+
+The effect of action k on term j is T_kj = E[(r_j(s, a) - r_j(s, a with a_k = 0))^2] / Var(r_j(s, a)) over states that
+random sequences visit. It needs no model, only a scene that restores snapshots. Limits are fixed here, before any
+discovery is looked at.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from causalbench.core.discovery.graph import CausalGraph, StageGraph, declared_matrix
+from causalbench.core.discovery.truth.counterfactual import ABSENT_BELOW, STRONG_ABOVE, Walk, effects
+from causalbench.core.tasks.task import Task
+from causalbench.core.world.scene import Scene
+
+ORACLE_STATES = 400  # visited states per stage
+CONFIDENCE = 0.95
+SEQUENCE_LENGTH = 10  # as in discovery, so that both speak of the same states
+
+
+class Grade(StrEnum):
+    """How much an action matters to a term; untestable where the term never varies."""
+
+    absent = "absent"
+    weak = "weak"
+    strong = "strong"
+    untestable = "untestable"
+
+
+@dataclass(frozen=True)
+class StageTruth:
+    """Effects of one stage, arrays (n_actions, n_terms); `floor` (n_terms,) is what repeating the same action shows.
+
+    `floor` is 0 where restoring is exact, which the scene declares or not (`exact_restore`).
+    """
+
+    stage: int
+    actions: tuple[str, ...]
+    terms: tuple[str, ...]
+    effect: NDArray[np.float64]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+    floor: NDArray[np.float64]
+    exact_restore: bool
+
+    def grades(self) -> list[list[Grade]]:
+        """[action][term] grades."""
+        return [
+            [_grade(self.effect[k, j], self.low[k, j], self.high[k, j]) for j in range(len(self.terms))]
+            for k in range(len(self.actions))
+        ]
+
+
+def _grade(effect: float, low: float, high: float) -> Grade:
+    if np.isnan(effect):
+        return Grade.untestable
+    if high < ABSENT_BELOW:
+        return Grade.absent
+    return Grade.strong if low > STRONG_ABOVE else Grade.weak
+
+
+def consult_oracle(
+    task: Task,
+    make_scene: Callable[[], Scene],
+    states: int,
+    seed: int,
+    on_progress: Callable[[float, str], None],
+    action_repeat: int = 1,
+) -> tuple[StageTruth, ...]:
+    """The truth of every stage about actions held for `action_repeat` steps, from `states` visited states each.
+
+    Takes (n_actions + 2) * `action_repeat` control steps per state.
+    """
+    scene = make_scene()
+    try:
+        return tuple(
+            _stage_truth(task, scene, stage, states, seed, on_progress, action_repeat)
+            for stage in range(1, task.n_stages + 1)
+        )
+    finally:
+        scene.close()
+
+
+def oracle_graph(task: Task, truth: tuple[StageTruth, ...], seed: int) -> CausalGraph:
+    """The strong edges as a graph, what a perfect discovery would find; `env_steps` is what asking took."""
+    stages = []
+    for stage in truth:
+        strong = np.array(stage.grades()) == Grade.strong
+        untestable = np.isnan(stage.effect).any(0)
+        matrix = np.where(untestable, declared_matrix(task, stage.stage, stage.terms), strong)
+        stages.append(StageGraph(stage.stage, task.actions, stage.terms, matrix))
+    env_steps = ORACLE_STATES * (len(task.actions) + 2) * task.n_stages
+    provenance = {"seed": seed, "states": ORACLE_STATES, "strong_above": STRONG_ABOVE}
+    return CausalGraph(task.name, task.version, "oracle", tuple(stages), env_steps, provenance)
+
+
+def _stage_truth(
+    task: Task,
+    scene: Scene,
+    stage: int,
+    states: int,
+    seed: int,
+    on_progress: Callable[[float, str], None],
+    action_repeat: int,
+) -> StageTruth:
+    terms = task.stage_terms(stage, discoverable_only=True)
+    rng = np.random.default_rng([seed, stage])
+    walk = Walk(task, scene, stage, rng, SEQUENCE_LENGTH, action_repeat)
+    k = len(task.actions)
+    rewards = np.empty((states, k + 2, len(terms)))
+    sequence = np.zeros(states, dtype=np.int64)
+    for n in range(states):
+        rewards[n] = walk.compare()
+        sequence[n] = walk.sequence
+        on_progress((stage - 1 + (n + 1) / states) / task.n_stages, f"stage {stage}: oracle")
+    squares = np.square(rewards[:, 1:] - rewards[:, :1])
+    effect, low, high = effects(rewards[:, 0], squares, sequence, rng, CONFIDENCE)
+    exact = "exact_restore" in scene.spec.capabilities
+    return StageTruth(stage, task.actions, terms, effect[1:], low[1:], high[1:], effect[0], exact)

@@ -1,0 +1,1 @@
+"""Building blocks for authors of backends; simulator-free."""

@@ -1,0 +1,72 @@
+"""Evaluation: full task episodes from stage 1 on fixed seeds, deterministic and sampled, and the lift-and-hold test."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from causalbench.core.learners.policy import StagedPolicy
+from causalbench.core.learners.records import Evaluation
+from causalbench.core.staged.env import StageTaskEnv
+from causalbench.core.tasks.lift_and_hold import lift_and_hold
+
+FIRST_SEED = 1_000_000
+"""Evaluation starts are the same for every method and seed, and apart from any training start."""
+
+
+@dataclass
+class _Outcome:
+    success: bool
+    held: bool
+    reversals: int
+    final_stage: int  # n_stages + 1 on success
+    length: int
+    returns: NDArray[np.float64]  # (n_terms,)
+
+
+def evaluate(policy: StagedPolicy, env: StageTaskEnv, episodes: int, env_steps: int) -> Evaluation:
+    """`episodes` deterministic and as many sampled episodes; the box of every grasp is lifted and held.
+
+    `env_steps` is the training step to report. The sampled episodes use the policy's own generator.
+    """
+    certain = [_episode(policy, env, FIRST_SEED + i, True) for i in range(episodes)]
+    sampled = [_episode(policy, env, FIRST_SEED + i, False) for i in range(episodes)]
+    grasped = [outcome for outcome in (*certain, *sampled) if outcome.success and _grasps(env)]
+    returns = np.mean([outcome.returns for outcome in certain], axis=0)
+    return Evaluation(
+        env_steps=env_steps,
+        episodes=episodes,
+        success_deterministic=float(np.mean([outcome.success for outcome in certain])),
+        success_sampled=float(np.mean([outcome.success for outcome in sampled])),
+        held_rate=float(np.mean([outcome.held for outcome in grasped])) if grasped else None,
+        reversals_per_episode=float(np.mean([outcome.reversals for outcome in certain])),
+        mean_final_stage=float(np.mean([outcome.final_stage for outcome in certain])),
+        mean_length=float(np.mean([outcome.length for outcome in certain])),
+        term_returns=dict(zip(env.reward_names, map(float, returns), strict=True)),
+    )
+
+
+def _grasps(env: StageTaskEnv) -> bool:
+    """Whether success means that the object is held."""
+    return "grip" in env.task.actions
+
+
+def _episode(policy: StagedPolicy, env: StageTaskEnv, seed: int, deterministic: bool) -> _Outcome:
+    obs, _ = env.reset(seed=seed, options={"stage": 1})
+    returns, reversals, length = np.zeros(len(env.reward_names)), 0, 0
+    over = False
+    info: dict[str, Any] = {}
+    while not over:
+        action, _ = policy.predict(obs, deterministic=deterministic)
+        obs, _, terminated, truncated, info = env.step(action)
+        returns += info["vector_reward"]
+        reversals += info["reversal"]
+        length += 1
+        over = terminated or truncated
+    success = bool(info["is_success"])
+    final_stage = env.task.n_stages + 1 if success else int(info["next_stage"])
+    held = success and _grasps(env) and lift_and_hold(env.scene)
+    return _Outcome(success, held, reversals, final_stage, length, returns)

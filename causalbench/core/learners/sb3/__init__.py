@@ -1,0 +1,1 @@
+"""Reference rows: stable-baselines3's own agents."""

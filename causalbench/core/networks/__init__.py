@@ -1,0 +1,1 @@
+"""Neural networks as plain lists of tensors, many side by side."""

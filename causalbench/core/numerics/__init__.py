@@ -1,0 +1,1 @@
+"""Arithmetic that every floor uses: rotations, and loops compiled where that is possible."""

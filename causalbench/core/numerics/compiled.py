@@ -1,0 +1,131 @@
+"""Compilation of scalar loops: cached on disk, announced once, and with a slower path where it is not possible.
+
+Numba compiles what is marked with `compiled` at its first use on a machine and keeps the machine code in
+`NUMBA_CACHE_DIR`, else beside the source file, else in the user's cache folder. Where numba is missing, broken or
+switched off (`NUMBA_DISABLE_JIT=1`) the same functions run as plain Python: equal results up to rounding, slower. Where
+no folder can be written, every process compiles anew. Each is said in one sentence, a warning of the logger
+`causalbench.core.numerics.compiled`, which goes to stderr unless the program arranges for its logs.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+import logging
+from collections.abc import Callable
+from typing import Any
+
+_TYPES = {"address": ("intp", ctypes.c_void_p), "int32": ("int32", ctypes.c_int32)}
+_FOLDERS: dict[str, str] = {}
+"""Modules with functions compiled here, and where their code is kept; others' compilations are not announced."""
+
+
+@functools.cache
+def problem() -> str:
+    """Why nothing can be compiled in this process; "" if it can."""
+    try:
+        import numba
+    except Exception as error:  # a numba that does not fit this numpy may raise anything
+        return f"numba cannot be imported ({type(error).__name__}: {error})"
+    return "NUMBA_DISABLE_JIT is set" if numba.config.DISABLE_JIT else ""  # type: ignore[attr-defined]
+
+
+@functools.cache
+def _say(sentence: str) -> None:
+    """Warn, once a process."""
+    logging.getLogger(__name__).warning(sentence)
+
+
+def compiled(function: Callable[..., Any] | None = None, /, **options: Any) -> Any:
+    """A decorator, with or without options of `numba.njit`, for a function of scalars, arrays and named tuples."""
+    if function is None:
+        return functools.partial(compiled, **options)
+    if not can_compile(function):
+        return function
+    import numba
+
+    return cached(numba.njit, **options)(function)
+
+
+def can_compile(function: Callable[..., Any]) -> bool:
+    """Whether `function` can be compiled; if not, that is announced, and if so, the moment when it has to be."""
+    if problem():
+        _say(f"causalbench runs its inner loops as plain Python, many times slower, since {problem()}")
+        return False
+    if function.__module__ not in _FOLDERS:
+        _FOLDERS[function.__module__] = cache_folder(function)
+    _listen()
+    return True
+
+
+def cached(decorate: Callable[..., Any], *arguments: Any, **options: Any) -> Callable[[Callable[..., Any]], Any]:
+    """`decorate(*arguments, cache=True, **options)` of numba, or without the cache where no folder can be written."""
+
+    def apply(function: Callable[..., Any]) -> Any:
+        try:
+            return decorate(*arguments, cache=True, **options)(function)
+        except RuntimeError as error:
+            if "cannot cache" not in str(error):
+                raise
+            _say(
+                "causalbench cannot keep compiled code, so every process compiles it again, a minute or so each time: "
+                "set NUMBA_CACHE_DIR to a folder that you can write to"
+            )
+            return decorate(*arguments, **options)(function)
+
+    return apply
+
+
+def cache_folder(function: Callable[..., Any] = compiled) -> str:
+    """Where the compiled code of `function` is kept, by default of this module's; "" if nowhere. Compiles nothing."""
+    if problem():
+        return ""
+    import numba
+
+    try:
+        return str(numba.njit(cache=True)(function).stats.cache_path)
+    except RuntimeError:
+        return ""
+
+
+def external(library: str, name: str, *arguments: str) -> Any:
+    """The C function `name` of the shared `library` (a path), which returns nothing, for use in `compiled` functions.
+
+    `arguments` are "address" (of a struct or of an array's data, as an int) or "int32". Compiled code reaches it by
+    name, not by pointer, so that it can be kept on disk.
+    """
+    if problem():
+        function = getattr(ctypes.CDLL(library), name)
+        function.argtypes = [_TYPES[argument][1] for argument in arguments]
+        function.restype = None
+        return function
+    import llvmlite.binding
+    import numba
+
+    llvmlite.binding.load_library_permanently(library)
+    types = [getattr(numba.types, _TYPES[argument][0]) for argument in arguments]
+    return numba.types.ExternalFunction(name, numba.types.void(*types))
+
+
+@functools.cache
+def _listen() -> None:
+    """Announce the first compilation of this process, at the moment when it begins: the cache did not have it."""
+    from numba.core import event
+
+    class Announcer(event.Listener):
+        announced = False
+
+        def on_start(self, event: Any) -> None:
+            # Where there is no folder, `cached` has said that every process compiles.
+            folder = _FOLDERS.get((event.data or {}).get("module", ""))
+            if folder and not self.announced:
+                self.announced = True
+                _say(
+                    "causalbench is compiling its inner loops, once for this machine; it takes a minute or so. "
+                    f"Cached in {folder}"
+                )
+
+        def on_end(self, event: Any) -> None:
+            pass
+
+    event.register("numba:run_pass", Announcer())  # type: ignore[no-untyped-call]

@@ -1,0 +1,1 @@
+"""Staged worlds: a task in a simulator, stepped and judged."""

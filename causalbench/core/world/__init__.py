@@ -1,0 +1,1 @@
+"""What a simulator offers: scenes, facts, layouts, cameras and the LiDAR; no task."""

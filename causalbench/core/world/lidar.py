@@ -1,0 +1,75 @@
+"""The level LiDAR of the mobile task, Fetch's 220 degrees in 220 rays (paper, appendix A), among boxes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from causalbench.core.numerics.gufunc import broadcast
+from causalbench.core.world.layout import Box
+
+Array = NDArray[np.float64]
+
+N_RAYS = 220
+ANGLES = np.radians(np.linspace(-110.0, 110.0, N_RAYS))
+"""Of the rays from straight ahead (220,), from right to left, in the plane z = height of the scanner."""
+MAX_RANGE = 10.0  # m; also what a ray that meets nothing says
+
+
+def box_rows(boxes: Iterable[Box]) -> Array:
+    """Half extents, positions and quaternions of boxes, (n, 10), as `scan` takes them."""
+    return np.array([[*box.half_extents, *box.position, *box.quaternion] for box in boxes]).reshape(-1, 10)
+
+
+def scanner_pose(base_pose: Array, position: tuple[float, float, float]) -> Array:
+    """x, y, z and yaw (..., 4) in the world of a scanner at `position` in the frame of the base (..., 3)."""
+    x, y, yaw = np.moveaxis(base_pose, -1, 0)
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    ahead, left, height = position
+    return np.stack([x + cos * ahead - sin * left, y + sin * ahead + cos * left, np.full_like(x, height), yaw], -1)
+
+
+def rays(base_pose: Array, position: tuple[float, float, float]) -> tuple[Array, Array]:
+    """Origin (3,) m and unit directions (220, 3) in the world of a scan from `position` on the base at (3,)."""
+    *origin, yaw = scanner_pose(base_pose, position)
+    angles = yaw + ANGLES
+    return np.array(origin), np.stack([np.cos(angles), np.sin(angles), np.zeros(N_RAYS)], -1)
+
+
+def scan(boxes: Array, pose: Array) -> Array:
+    """Ranges (..., 220) in metres from scanners at `pose` (..., 4) among `boxes` (..., n, 10); the closed form."""
+    out: Array = _scan(boxes, pose, ANGLES)
+    return out
+
+
+@broadcast("f8[:, :], f8[:], f8[:], f8[:]", "(n,k),(p),(r)->(r)")
+def _scan(boxes: Array, pose: Array, angles: Array, out: Array) -> None:
+    out[:] = MAX_RANGE
+    for row in range(boxes.shape[0]):
+        box = boxes[row]
+        w, x, y, z = box[6], box[7], box[8], box[9]
+        turn = (
+            (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
+            (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
+            (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
+        )
+        dx, dy, dz = pose[0] - box[3], pose[1] - box[4], pose[2] - box[5]
+        for ray in range(angles.shape[0]):
+            cos, sin = math.cos(pose[3] + angles[ray]), math.sin(pose[3] + angles[ray])
+            enter, leave = -math.inf, math.inf
+            for axis in range(3):  # slabs, in the box's own frame
+                start = turn[0][axis] * dx + turn[1][axis] * dy + turn[2][axis] * dz
+                way = turn[0][axis] * cos + turn[1][axis] * sin
+                half = box[axis]
+                if abs(way) < 1e-12:
+                    if abs(start) > half:
+                        leave = -math.inf
+                else:
+                    one, two = (-half - start) / way, (half - start) / way
+                    enter, leave = max(enter, min(one, two)), min(leave, max(one, two))
+            distance = enter if enter >= 0.0 else leave  # from inside a box: its far side
+            if enter <= leave and 0.0 <= distance < out[ray]:
+                out[ray] = distance

@@ -1,0 +1,155 @@
+"""What a simulator must offer: one `Scene`, ten members. Everything else in core is built on it.
+
+Units and frames, once for all backends: metres, radians, seconds; world frame with z up; quaternions
+(w, x, y, z), unit, w >= 0; the end-effector frame has z along the approach
+axis (out of the palm), y along the finger closing axis and its origin between the finger pads; the
+robot base frame has x forward, y left, z up, origin on the floor.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from causalbench.core.world.layout import Layout, Workspace
+from causalbench.errors import CausalbenchError, InvalidActionError
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+ACTION_SPEED: Mapping[str, float] = {
+    "forward": 0.6,  # m/s of the base at |a| = 1
+    "turn": 1.2,  # rad/s of the base
+    "armx": 0.2,  # m/s of the end effector along the base axes
+    "army": 0.2,
+    "armz": 0.2,
+    "armrx": 0.8,  # rad/s of the end effector about its own axes
+    "armry": 0.8,
+    "armrz": 0.8,
+    "grip": 0.2,  # m/s by which the distance between the finger pads shrinks
+}
+"""Every macro action in the project's order, with its default speed at full deflection."""
+
+
+@dataclass(frozen=True)
+class SceneSpec:
+    """What a scene is and can do. Two scenes with equal specs accept each other's snapshots.
+
+    `actions` are the names the scene supports, in the order of `ACTION_SPEED`; `action_speed` is the
+    declared speed of each at |a| = 1 in m/s or rad/s; `max_opening` the distance between open finger pads
+    in metres; `control_dt` and `timestep` are seconds. Capabilities: "rgb", "lidar", "exact_restore",
+    "mobile_base", "physics". Without "exact_restore", `restore_error` says how far any number in facts may be off in 15
+    steps after a restore. `lidar_position` is where the scanner sits in the base frame, metres.
+    """
+
+    backend: str
+    backend_version: str
+    engine: str
+    engine_version: str
+    robot: str
+    actions: tuple[str, ...]
+    action_speed: tuple[float, ...]
+    workspace: Workspace
+    max_opening: float
+    control_dt: float
+    timestep: float
+    capabilities: frozenset[str]
+    restore_error: float = 0.0
+    lidar_position: tuple[float, float, float] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Facts:
+    """All that a task may see, at the end of a control step, in the world frame.
+
+    Shapes are those of one world; all fields may carry the same one leading batch dimension. Arrays are the
+    reader's own: never views of simulator memory. A collision flag is true if the contact exists at the end of
+    the control step; the arm includes the gripper; the floor counts as every other thing that is not the robot;
+    contact with the task object is not a collision. `holding` is
+    true when both finger pads press on the task object.
+    """
+
+    eef_position: Array  # (..., 3) m
+    eef_quaternion: Array  # (..., 4)
+    gripper_opening: Array  # (...) m between the finger pads
+    holding: Flags  # (...)
+    object_position: Array  # (..., 3) m, centre of the task object
+    object_quaternion: Array  # (..., 4)
+    base_pose: Array  # (..., 3) x m, y m, yaw rad
+    base_velocity: Array  # (..., 2) forward m/s, turn rad/s
+    collision_base: Flags  # (...)
+    collision_arm: Flags  # (...)
+    collision_self: Flags  # (...)
+
+
+class Scene(ABC):
+    """One simulated world with one robot. Not thread-safe; several may live in one process."""
+
+    spec: SceneSpec
+
+    @abstractmethod
+    def reset(self, layout: Layout) -> None:
+        """Put the world into `layout`, at rest.
+
+        Raises `UnreachableLayoutError` when the arm cannot take the pose or the start is not at rest because things
+        overlap: the caller draws another layout, and may ask for facts in between.
+        """
+
+    @abstractmethod
+    def step(self, action: Array) -> None:
+        """Advance by exactly one `spec.control_dt`.
+
+        `action` has shape (len(spec.actions),), each in [-1, 1]; 0 means that this dimension is not
+        executed: the hand keeps its pose, the gripper its opening and force. Raises `InvalidActionError`.
+        """
+
+    @abstractmethod
+    def facts(self) -> Facts:
+        """What holds now; no batch dimensions."""
+
+    @abstractmethod
+    def snapshot(self) -> bytes:
+        """The whole simulator state: physics, controllers and layout."""
+
+    @abstractmethod
+    def restore(self, snapshot: bytes) -> None:
+        """Return to a snapshot made by any scene of an equal spec, also in another process.
+
+        With the capability "exact_restore" every later step is bit-identical to the first time, else
+        within `spec.restore_error`.
+        Raises `SnapshotError`.
+        """
+
+    def render(self, width: int, height: int, camera: str = "scene") -> NDArray[np.uint8]:
+        """RGB image (height, width, 3), the caller's own; needs the capability "rgb".
+
+        `cameras.find_camera` knows where the camera stands. Drawing changes nothing in the world, and nothing that
+        draws is imported before the first picture. Raises `UnknownNameError` for a camera that does not exist and
+        `CausalbenchError` where what draws is missing on this machine.
+        """
+        raise CausalbenchError(f"backend {self.spec.backend!r} has no capability 'rgb'")
+
+    def lidar(self) -> Array:
+        """Ranges (220,) float64 in metres, from right to left; needs the capability "lidar".
+
+        Level rays from `spec.lidar_position` at `lidar.ANGLES` from straight ahead (paper, appendix A). They meet
+        fixtures, not the robot and not the target; `lidar.MAX_RANGE` where they meet none.
+        """
+        raise CausalbenchError(f"backend {self.spec.backend!r} has no capability 'lidar'")
+
+    def close(self) -> None:  # noqa: B027 - optional; a scene without resources has nothing to release
+        """Release what the scene holds; may be called twice."""
+
+
+def check_action(action: Array, shape: tuple[int, ...]) -> Array:
+    """`action` as float64 of `shape`, or an `InvalidActionError` that says what is wrong with it."""
+    action = np.asarray(action, dtype=np.float64)
+    if action.shape != shape:
+        raise InvalidActionError(f"action has shape {action.shape}, expected {shape}")
+    if not (abs(action) <= 1.0 + 1e-6).all():  # also catches NaN
+        raise InvalidActionError(f"action {action} is not finite or leaves [-1, 1]")
+    return action

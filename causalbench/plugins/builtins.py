@@ -1,0 +1,53 @@
+"""What causalbench itself registers, through the same hooks as a stranger's plugin."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from causalbench.core.discovery.registry import DISCOVERERS, Discoverer
+from causalbench.core.kinematic import make as make_kinematic
+from causalbench.core.kinematic.worlds import SPEC
+from causalbench.core.kit.base_following import CAPABILITIES
+from causalbench.core.learners.methods import METHODS, Method
+from causalbench.core.tasks.mobile_manipulation import TASK as MOBILE_MANIPULATION
+from causalbench.core.tasks.pure_manipulation import TASK as PURE_MANIPULATION
+from causalbench.core.tasks.task import Task
+from causalbench.plugins.hookspecs import Backend, hookimpl
+
+TASKS = (PURE_MANIPULATION, MOBILE_MANIPULATION)
+
+
+@hookimpl
+def causalbench_backends(register: Callable[[Backend], None]) -> None:
+    """The numpy reference backend; not physics."""
+    register(
+        Backend(
+            "kinematic",
+            make_kinematic,
+            "numpy, not physics",
+            "floating hand",
+            capabilities=SPEC.capabilities,
+            mobile_capabilities=CAPABILITIES,
+        )
+    )
+
+
+@hookimpl
+def causalbench_tasks(register: Callable[[Task], None]) -> None:
+    """The paper's tasks."""
+    for task in TASKS:
+        register(task)
+
+
+@hookimpl
+def causalbench_methods(register: Callable[[Method], None]) -> None:
+    """The paper's methods."""
+    for method in METHODS:
+        register(method)
+
+
+@hookimpl
+def causalbench_discoverers(register: Callable[[Discoverer], None]) -> None:
+    """The paper's discovery and those it is compared with."""
+    for discoverer in DISCOVERERS.values():
+        register(discoverer)

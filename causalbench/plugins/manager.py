@@ -1,0 +1,195 @@
+"""Finds plugins and looks up what they registered. Nothing is loaded when this module is imported.
+
+Each plugin is loaded on its own: one that cannot be imported, misspells a hook or registers a taken name becomes a
+`PluginRow` with its error and never stops another.
+"""
+
+from __future__ import annotations
+
+import functools
+import importlib.metadata
+import importlib.util
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from types import ModuleType
+from typing import Any, Protocol, TypeVar, cast
+
+import pluggy
+
+from causalbench._version import __version__
+from causalbench.core.discovery.registry import Discoverer
+from causalbench.core.learners.methods import Method
+from causalbench.core.tasks.task import Task
+from causalbench.core.world.scene import Scene
+from causalbench.errors import BackendLoadError, UnknownNameError, UserError
+from causalbench.plugins import hookspecs
+from causalbench.plugins.hookspecs import Backend
+
+GROUP = "causalbench"
+OWN_DISTRIBUTION = "causalbench-robotics"
+LIST_COMMAND = "`causalbench backends` lists what is installed."
+
+
+class _Named(Protocol):
+    @property
+    def name(self) -> str: ...
+
+
+NamedT = TypeVar("NamedT", bound=_Named)
+
+
+@dataclass(frozen=True)
+class PluginRow:
+    """One installed plugin: its distribution, that one's version, and why it could not be loaded ("" if it was)."""
+
+    distribution: str
+    version: str
+    error: str = ""
+
+
+@dataclass
+class Plugins:
+    """What is installed, by name. `owners` says which plugin registered a backend."""
+
+    backends: dict[str, Backend] = field(default_factory=dict)
+    tasks: dict[str, Task] = field(default_factory=dict)
+    methods: dict[str, Method] = field(default_factory=dict)
+    discoverers: dict[str, Discoverer] = field(default_factory=dict)
+    owners: dict[str, PluginRow] = field(default_factory=dict)
+    rows: list[PluginRow] = field(default_factory=list)
+
+    def backend(self, name: str) -> Backend:
+        """The backend `name`, its simulator installed.
+
+        Raises `UnknownNameError`, or `BackendLoadError` with the command that installs what is missing.
+        """
+        if name not in self.backends:
+            raise self._no_backend(name)
+        problem = self.problem(name)
+        if problem:
+            raise BackendLoadError(f"backend {name!r} {problem}")
+        return self.backends[name]
+
+    def problem(self, name: str) -> str:
+        """What the registered backend `name` lacks and how to install it; "" if it lacks nothing."""
+        missing = _missing(self.backends[name].modules)
+        if not missing:
+            return ""
+        return f"needs {', '.join(missing)}, not installed here; run: pip install {self.owners[name].distribution}"
+
+    def task(self, name: str) -> Task:
+        """The task `name`, or an `UnknownNameError`."""
+        return _look_up("task", name, self.tasks)
+
+    def method(self, name: str) -> Method:
+        """The method `name`, or an `UnknownNameError`."""
+        return _look_up("method", name, self.methods)
+
+    def discoverer(self, name: str) -> Discoverer:
+        """The discoverer `name`; an `UnknownNameError`, or a `UserError` that says how to install what it lacks."""
+        found = _look_up("discoverer", name, self.discoverers)
+        missing = _missing(found.modules)
+        if missing:
+            raise UserError(
+                f"discoverer {name!r} needs {', '.join(missing)}, not installed here; run: pip install {found.extra!r}"
+            )
+        return found
+
+    def _no_backend(self, name: str) -> UserError:
+        for row in self.rows:
+            if row.error and name in row.distribution:
+                return BackendLoadError(
+                    f"backend {name!r}: its plugin {row.distribution} {row.version} could not be loaded: {row.error}. "
+                    f"Try: pip install --upgrade {row.distribution}"
+                )
+        broken = [row.distribution for row in self.rows if row.error]
+        hint = f"A backend comes with its plugin (pip install causalbench-{name}); {LIST_COMMAND}"
+        if broken:
+            hint += f" Could not be loaded: {', '.join(broken)}."
+        return UnknownNameError("backend", name, self.backends, hint)
+
+
+def _missing(modules: Iterable[str]) -> list[str]:
+    """Those of `modules` that cannot be imported, found without importing them."""
+    return [m for m in modules if importlib.util.find_spec(m.partition(".")[0]) is None]
+
+
+def _look_up(kind: str, name: str, known: Mapping[str, NamedT]) -> NamedT:
+    if name not in known:
+        raise UnknownNameError(kind, name, known)
+    return known[name]
+
+
+def scene_maker(backend: Backend, task: Task, options: Mapping[str, Any] | None = None) -> Callable[[], Scene]:
+    """A function that makes a new scene of `backend` for `task`; `options` are further ones of its `make`.
+
+    Raises `UserError` for a task that drives and a robot that does not.
+    """
+    if "mobile_base" not in task.requires:
+        return functools.partial(backend.make, **options or {})
+    if not backend.mobile_capabilities:
+        raise UserError(
+            f"backend {backend.name!r} cannot run task {task.name!r}: its robot does not drive; "
+            "`causalbench backends` lists those with the capability mobile_base"
+        )
+    return functools.partial(backend.make, **{"mobile": True} | dict(options or {}))
+
+
+@functools.cache
+def installed() -> Plugins:
+    """`load_plugins()`, once a process."""
+    return load_plugins()
+
+
+def load_plugins() -> Plugins:
+    """The built-ins and every entry point of the group "causalbench"; see the module for what a failure does."""
+    from causalbench.plugins import builtins
+
+    plugins = Plugins()
+    manager = pluggy.PluginManager("causalbench")
+    manager.add_hookspecs(hookspecs)
+    own = PluginRow(OWN_DISTRIBUTION, __version__)
+    sources: list[tuple[PluginRow, Callable[[], ModuleType]]] = [(own, lambda: builtins), *_entry_points()]
+    for row, load in sources:
+        try:
+            _register(manager, load(), row, plugins)
+        except Exception as error:  # a stranger's code may raise anything
+            row = PluginRow(row.distribution, row.version, f"{type(error).__name__}: {error}")
+        plugins.rows.append(row)
+    return plugins
+
+
+def _entry_points() -> Iterator[tuple[PluginRow, Callable[[], ModuleType]]]:
+    """(plugin, function that imports it), in an order that does not depend on the search path."""
+    found = importlib.metadata.entry_points(group=GROUP)
+    for point in sorted(found, key=lambda p: (p.dist.name if p.dist else "", p.name)):
+        yield PluginRow(point.dist.name, point.dist.version) if point.dist else PluginRow(point.value, ""), point.load
+
+
+def _register(manager: pluggy.PluginManager, plugin: ModuleType, row: PluginRow, plugins: Plugins) -> None:
+    """Add all that `plugin` registers, or nothing if any part of it is wrong."""
+    manager.register(plugin)
+    try:
+        manager.check_pending()
+        found: dict[str, dict[str, Any]] = {"backends": {}, "tasks": {}, "methods": {}, "discoverers": {}}
+        for caller in manager.get_hookcallers(plugin) or ():
+            kind = caller.name.removeprefix("causalbench_")
+            register = functools.partial(_add, found[kind], getattr(plugins, kind))
+            for implementation in caller.get_hookimpls():
+                if implementation.plugin is plugin:
+                    cast(Callable[..., None], implementation.function)(register)
+    except Exception:
+        # A misspelt hook left behind would make check_pending fail for every later plugin.
+        manager.unregister(plugin)
+        raise
+    plugins.backends |= found["backends"]
+    plugins.tasks |= found["tasks"]
+    plugins.methods |= found["methods"]
+    plugins.discoverers |= found["discoverers"]
+    plugins.owners |= dict.fromkeys(found["backends"], row)
+
+
+def _add(found: dict[str, NamedT], known: Mapping[str, NamedT], item: NamedT) -> None:
+    if item.name in found or item.name in known:
+        raise UserError(f"{type(item).__name__.lower()} {item.name!r} is already registered; choose another name")
+    found[item.name] = item

@@ -1,0 +1,26 @@
+"""What `run_plan` tells whoever watches."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+from causalbench.run.cell import Progress
+from causalbench.store.cells import RunFolder, Status
+from causalbench.suite.plan import Cell
+
+
+class View(Protocol):
+    """Shows a run. `begin` comes first and `end` last, also when the run is interrupted or never began."""
+
+    def begin(self, cells: Sequence[Cell], to_do: Sequence[Cell], run: RunFolder) -> None:
+        """The whole plan and the part of it that will run."""
+
+    def on_progress(self, cell: Cell, progress: Progress) -> None:
+        """A running cell got further."""
+
+    def on_outcome(self, cell: Cell, status: Status) -> None:
+        """A cell ended."""
+
+    def end(self) -> None:
+        """No more is coming."""

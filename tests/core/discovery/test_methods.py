@@ -1,0 +1,193 @@
+"""Every registered discoverer against planted truth and an environment where nothing matters."""
+
+import dataclasses
+import math
+from functools import partial
+
+import numpy as np
+import pytest
+from toy import make_noisy_toy, make_toy, toy_task
+from truth import TRUTH
+
+from causalbench.core.discovery.methods.independence import independent_columns
+from causalbench.core.discovery.methods.permutation import sign_flip_p_values
+from causalbench.core.discovery.pipeline import CountingScene, discover, discover_from_samples
+from causalbench.core.discovery.registry import DISCOVERERS
+from causalbench.core.discovery.settings import DiscoverySettings
+from causalbench.core.discovery.truth.counterfactual import Walk
+from causalbench.core.kinematic import make
+from causalbench.core.tasks.mobile_manipulation import TASK as MOBILE
+from causalbench.core.tasks.pure_manipulation import TASK
+from causalbench.errors import UnknownNameError
+from causalbench.store.samples import SampleFolder
+
+SMALL = DiscoverySettings(training_count=1500, max_epochs=12, kci_samples=300)
+PAIRED = ("paired", "sufficient", "permutation")
+
+
+def _quiet(share, doing):
+    pass
+
+
+def _graph(name, task, make_scene=make_toy, seed=0):
+    epochs = 40 if name == "cmi" else SMALL.max_epochs  # its threshold is in nats: an unfinished fit is off by more
+    return discover(task, make_scene, dataclasses.replace(SMALL, discoverer=name, max_epochs=epochs), seed, _quiet)
+
+
+def _planted(previous, action, now):
+    """r_0 is caused by armx alone, r_1 by army and armz together."""
+    return np.stack([action[..., 0], action[..., 1] + 0.7 * action[..., 2]], axis=-1)
+
+
+def _of_the_state(previous, action, now):
+    """Nothing matters: both terms are functions of where the hand was."""
+    hand = previous.eef_position
+    return np.stack([hand[..., 0], hand[..., 1] - hand[..., 2]], axis=-1)
+
+
+@pytest.mark.parametrize("name", DISCOVERERS)
+def test_recovers_a_planted_graph(name):
+    stage = _graph(name, toy_task(_planted, 2)).stages[0]
+    np.testing.assert_array_equal(stage.matrix, [[True, False], [False, True], [False, True]])
+    assert stage.testable.all()
+
+
+@pytest.mark.parametrize(
+    ("name", "sets"),
+    [
+        (
+            "kl",
+            {"random": 160, "inference": 32} | dict.fromkeys(("do-armx", "do-army", "do-armz", "placebo"), 160),
+        ),
+        ("cmi", {"random": 160, "inference": 32}),
+        ("fisher_z", {"random": 160}),
+        ("kci", {"random": 160}),
+    ],
+)
+def test_only_what_a_discoverer_reads_costs_steps(name, sets, tmp_path):
+    settings = DiscoverySettings(discoverer=name, training_count=160, max_epochs=2)
+    task, store = toy_task(_planted, 2), SampleFolder(tmp_path)
+    graph = discover(task, make_toy, settings, 0, _quiet, store=store)
+    assert graph.env_steps == sum(sets.values())
+    assert {path.stem for path in tmp_path.glob("*.npz")} == {f"stage1-{name}" for name in sets}
+    again = discover_from_samples(task, store, store.origin()[0], settings, 0, _quiet)
+    assert again.to_json() == graph.to_json()
+
+
+@pytest.mark.parametrize("name", DISCOVERERS)
+def test_finds_nothing_where_no_action_matters(name):
+    assert not _graph(name, toy_task(_of_the_state, 2)).stages[0].matrix.any()
+
+
+def test_rounding_is_no_effect():
+    task = toy_task(lambda p, a, n: (p.eef_position[..., 0] + 1e-14 * a[..., 1])[..., None], 1)
+    assert not _graph("permutation", task).stages[0].matrix.any()
+
+
+@pytest.mark.parametrize("name", PAIRED)
+def test_pairs_are_taken_where_the_environment_scans(name):
+    """Mobile manipulation observes a LiDAR; its first stage is decided by driving alone (closed form of the base)."""
+    settings = dataclasses.replace(SMALL, discoverer=name, paired_env_steps=400, permutation_states=40)
+    graph = discover(MOBILE, partial(make, mobile=True), settings, 0, _quiet)
+    assert graph.stages[0].causal_actions()[0] == "forward"
+    assert not graph.stages[0].matrix[2:, 0].any()  # the arm does not move the base
+
+
+@pytest.mark.parametrize(("action_repeat", "found"), [(1, ("forward",)), (5, ("forward", "turn"))])
+def test_a_turn_brings_a_base_nearer_only_if_it_is_held_while_it_drives(action_repeat, found):
+    settings = DiscoverySettings(discoverer="paired", action_repeat=action_repeat, paired_env_steps=900 * action_repeat)
+    scenes = []
+
+    def counting():
+        scenes.append(CountingScene(make(mobile=True)))
+        return scenes[-1]
+
+    graph = discover(MOBILE, counting, settings, 0, _quiet)
+    assert graph.stages[0].causal_actions() == found
+    assert graph.env_steps == sum(scene.steps for scene in scenes) <= MOBILE.n_stages * settings.paired_env_steps
+
+
+@pytest.mark.parametrize("name", PAIRED)
+def test_where_restoring_is_inexact_noise_is_no_cause(name):
+    def of_the_hand(previous, action, now):
+        moved = now.eef_position - previous.eef_position
+        return np.stack([moved[..., 0], moved[..., 1] + previous.eef_position[..., 2]], axis=-1)
+
+    graph = _graph(name, toy_task(of_the_hand, 2), make_noisy_toy)
+    found = graph.stages[0].matrix
+    np.testing.assert_array_equal(found[[0, 1], [0, 1]], True)
+    assert found.sum() == 2
+
+
+def test_an_interaction_is_found_from_pairs_and_missed_by_linear_correlation():
+    task = toy_task(lambda p, a, n: (a[..., 1] * a[..., 2])[..., None], 1)
+    assert _graph("paired", task).stages[0].matrix[:, 0].tolist() == [False, True, True]
+    assert _graph("fisher_z", task).stages[0].matrix[:, 0].tolist() == [False, False, False]
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_paired_finds_the_closed_form_truth_within_its_budget(seed):
+    settings = DiscoverySettings(discoverer="paired")
+    scenes = []
+
+    def counting():
+        scenes.append(CountingScene(make()))
+        return scenes[-1]
+
+    graph = discover(TASK, counting, settings, seed, _quiet)
+    found = {
+        g.stage: {
+            t: {a for a, chosen in zip(g.actions, g.matrix[:, j], strict=True) if chosen} for j, t in enumerate(g.terms)
+        }
+        for g in graph.stages
+    }
+    assert found == TRUTH
+    assert graph.env_steps == sum(scene.steps for scene in scenes) <= 4 * settings.paired_env_steps
+
+
+def test_paired_says_what_it_could_not_decide():
+    rare = toy_task(lambda p, a, n: np.where(p.eef_position[..., 0] > 0.99, a[..., 0], 0.0)[..., None], 1)
+    settings = DiscoverySettings(discoverer="paired", paired_env_steps=60)
+    (stage,) = discover(rare, make_toy, settings, 0, _quiet).stages
+    assert any("was not decided within the budget" in n or "never varied" in n for n in stage.notes)
+
+
+def test_a_walk_goes_on_from_the_step_that_was_taken_whatever_else_was_tried():
+    def walk(tries):
+        scene = make_toy()
+        steps = Walk(toy_task(_planted, 2), scene, 1, np.random.default_rng(7), 5)
+        hands = []
+        for _ in range(12):
+            action = steps.visit()
+            hands.append(scene.facts().eef_position)
+            steps.take(action)
+            for k in range(tries):
+                steps.reward_of(np.full(3, 0.1 * k))
+        return np.array(hands), steps.sequence
+
+    plain, sequence = walk(0)
+    tried, _ = walk(3)
+    np.testing.assert_array_equal(plain, tried)
+    assert sequence == 2  # sequences of 5 steps: 5, 5 and the start of the third
+
+
+def test_sign_flip_p_values_are_uniform_under_the_null_and_exact_for_few_rows():
+    rng = np.random.default_rng(0)
+    p = sign_flip_p_values(rng.normal(size=(30, 400)), rng)
+    assert abs((p < 0.1).mean() - 0.1) < 4 * math.sqrt(0.09 / 400)
+    one_sided = sign_flip_p_values(np.ones((5, 1)), rng)
+    assert one_sided[0] == pytest.approx(2**-5, abs=0.01)
+    assert sign_flip_p_values(np.zeros((5, 1)), rng)[0] == 1.0
+
+
+def test_columns_that_repeat_others_are_left_out():
+    rng = np.random.default_rng(0)
+    a, b = rng.normal(size=(2, 300))
+    kept = independent_columns(np.column_stack([a, np.ones(300), 2 * a + 1, b, a - b]))
+    np.testing.assert_allclose(np.abs(np.corrcoef(kept.T, np.array([a, b]))[:2, 2:]), np.eye(2), atol=0.15)
+    assert kept.shape == (300, 2)
+
+
+def test_a_discoverer_that_does_not_exist_is_refused():
+    with pytest.raises(UnknownNameError, match=r"unknown discoverer 'pared'. Did you mean 'paired'\?"):
+        _graph("pared", toy_task(_planted, 2))

@@ -1,0 +1,84 @@
+"""The reference rows: SB3's own agents behind the same evaluation, counting and policy files."""
+
+import dataclasses
+import random
+
+import numpy as np
+import pytest
+import torch
+
+from causalbench.core.kinematic import make
+from causalbench.core.kinematic.worlds import KinematicScene
+from causalbench.core.learners.methods import METHODS
+from causalbench.core.learners.policy import ObservationScale, StagedPolicy, load_policy
+from causalbench.core.learners.sb3.stock import SummedRewardEnv, exported_actor, make_stock
+from causalbench.core.learners.settings import EvaluationSettings, PPOSettings, SACSettings
+from causalbench.core.learners.training import train
+from causalbench.core.staged.env import StageTaskEnv
+from causalbench.core.staged.vector_env import StageTaskVectorEnv
+from causalbench.core.tasks.pure_manipulation import TASK
+from causalbench.core.world.batch import make_batch
+
+METHOD = {method.name: method for method in METHODS}
+TINY = {
+    "SAC": SACSettings(net_arch=(8, 8), batch_size=16, learning_starts=40, train_every=20, n_envs=2),
+    "PPO": PPOSettings(net_arch=(8, 8), batch_size=16, n_steps=64, n_epochs=2, n_envs=2, target_kl=1e9),
+}
+LOOK = EvaluationSettings(every=100, episodes=1, final_episodes=1)
+
+
+def _train(name):
+    seen = []
+    policy, counts = train(
+        TASK, make, METHOD[name], None, TINY[name], LOOK, 150, 0, lambda e, c: seen.append(e), lambda share, text: None
+    )
+    return policy, counts, seen
+
+
+@pytest.mark.parametrize("name", ["SAC", "PPO"])
+def test_stock_rows_are_counted_evaluated_and_saved_like_the_others(name, tmp_path):
+    kept = random.getstate(), np.random.get_state()[1].copy(), torch.get_rng_state()  # noqa: NPY002
+    (policy, counts, seen), (_, _, again) = _train(name), _train(name)
+    assert [e.env_steps for e in seen] == [100, 150]
+    assert counts.env_steps == counts.transitions.sum() == 150
+    expected = {"SAC": (150 - 40) // 20 * 5, "PPO": 2 * 2 * 4}[name]  # SB3's counts from the settings above
+    assert counts.updates == dict.fromkeys((1, 2, 3, 4), expected)
+    assert seen == again
+    assert random.getstate() == kept[0]
+    np.testing.assert_array_equal(np.random.get_state()[1], kept[1])  # noqa: NPY002
+    assert torch.equal(torch.get_rng_state(), kept[2])
+
+    policy.save(tmp_path / "policy")
+    loaded = load_policy(tmp_path / "policy")
+    obs, _ = StageTaskEnv(TASK, KinematicScene()).reset(seed=3)
+    np.testing.assert_array_equal(loaded.predict(obs)[0], policy.predict(obs)[0])
+
+
+@pytest.mark.parametrize("name", ["SAC", "PPO"])
+def test_the_exported_policy_is_sb3s_own(name):
+    settings = dataclasses.replace(TINY[name], learning_rate=1e-2)
+    env = StageTaskVectorEnv(TASK, make_batch(make, settings.n_envs))
+    scale = ObservationScale.of(env.single_observation_space)
+    worlds = SummedRewardEnv(env, scale, seed=0)
+    model = make_stock(settings, worlds, seed=0)
+    model.learn(120)
+    distribution = "squashed" if name == "SAC" else "gaussian"
+    policy = StagedPolicy([exported_actor(model)] * 4, [np.arange(7)] * 4, 7, scale, distribution)
+    obs, _ = env.reset(seed=5)
+    theirs, _ = model.predict(scale(obs).numpy(), deterministic=True)
+    np.testing.assert_allclose(policy.predict(obs)[0], theirs, atol=1e-6)
+
+
+def test_sb3_sees_the_summed_reward_and_time_limits():
+    env = StageTaskVectorEnv(TASK, make_batch(make, 2))
+    worlds = SummedRewardEnv(env, ObservationScale.of(env.single_observation_space), seed=0)
+    first = worlds.reset()
+    total = np.zeros(2)
+    for step in range(TASK.horizon):
+        obs, rewards, over, infos = worlds.step(np.full((2, 7), 0.1 * (-1) ** step))
+        total += rewards
+        assert over.all() == (step == TASK.horizon - 1)
+    assert all(info["TimeLimit.truncated"] for info in infos)
+    assert worlds.counter.counts.env_steps == 2 * TASK.horizon
+    assert (infos[0]["terminal_observation"] != obs[0]).any()  # the next start is another
+    assert (abs(first) <= 1).all()
