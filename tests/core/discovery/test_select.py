@@ -8,7 +8,7 @@ import pytest
 
 from causalbench.core.discovery.methods.kl.select import select_causal_actions
 
-DATA = Path(__file__).parents[1] / "data"
+DATA = Path(__file__).parents[2] / "data"
 ROUNDING = 5e-5  # the paper prints KL divergences to four decimals
 
 
