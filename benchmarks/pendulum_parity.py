@@ -27,9 +27,11 @@ from stable_baselines3.common.env_util import make_vec_env
 from causalbench.core.learners.learner import StagedLearner
 from causalbench.core.learners.methods import METHODS
 from causalbench.core.learners.policy import ObservationScale
+from causalbench.core.learners.ppo.settings import PPOSettings
 from causalbench.core.learners.ppo.staged import StagedPPO
+from causalbench.core.learners.sac.settings import SACSettings
 from causalbench.core.learners.sac.staged import StagedSAC
-from causalbench.core.learners.settings import LearnerSettings, PPOSettings, SACSettings
+from causalbench.core.learners.settings import LearnerSettings
 from causalbench.core.tasks.task import Term
 
 EPISODES, EPISODE_STEPS = 10, 200

@@ -20,7 +20,7 @@ from causalbench.core.discovery.graph import manual_graph
 from causalbench.core.learners.causal_gradient import stage_plan
 from causalbench.core.learners.methods import METHODS
 from causalbench.core.learners.ppo.agent import PPOAgent, Samples
-from causalbench.core.learners.settings import PPOSettings
+from causalbench.core.learners.ppo.settings import PPOSettings
 from causalbench.core.networks.gaussian import gaussian_log_prob
 from causalbench.core.tasks.pure_manipulation import TASK
 

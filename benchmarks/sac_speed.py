@@ -23,7 +23,7 @@ from causalbench.core.discovery.graph import manual_graph
 from causalbench.core.learners.causal_gradient import Critics, stage_plan
 from causalbench.core.learners.methods import METHODS
 from causalbench.core.learners.sac.agent import SACAgent
-from causalbench.core.learners.settings import SACSettings
+from causalbench.core.learners.sac.settings import SACSettings
 from causalbench.core.tasks.pure_manipulation import TASK
 
 N_OBS, SAMPLES, TURNS = 16, 10_000, 7

@@ -16,7 +16,9 @@ import torch
 
 from causalbench.core.discovery.graph import manual_graph
 from causalbench.core.learners.methods import METHODS
-from causalbench.core.learners.settings import EvaluationSettings, LearnerSettings, PPOSettings, SACSettings
+from causalbench.core.learners.ppo.settings import PPOSettings
+from causalbench.core.learners.sac.settings import SACSettings
+from causalbench.core.learners.settings import EvaluationSettings, LearnerSettings
 from causalbench.core.learners.training import train
 from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench.core.world.scene import Scene

@@ -15,7 +15,9 @@ from pydantic_core import CoreSchema, ErrorDetails, core_schema
 
 from causalbench.core.discovery import settings as discovery_settings
 from causalbench.core.discovery.settings import DiscoverySettings
-from causalbench.core.learners.settings import PRESETS, EvaluationSettings, PPOSettings, SACSettings
+from causalbench.core.learners.ppo.settings import PPOSettings
+from causalbench.core.learners.sac.settings import SACSettings
+from causalbench.core.learners.settings import PRESETS, EvaluationSettings
 from causalbench.suite.positions import Location, PositionedYaml
 
 TierName = Literal["smoke", "quick", "full"]

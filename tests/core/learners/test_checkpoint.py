@@ -18,8 +18,10 @@ from causalbench.core.discovery.graph import manual_graph
 from causalbench.core.kinematic.worlds import KinematicScene
 from causalbench.core.learners.checkpoint import Checkpoints, load_checkpoint, save_checkpoint
 from causalbench.core.learners.methods import METHODS
+from causalbench.core.learners.ppo.settings import PPOSettings
 from causalbench.core.learners.records import Evaluation
-from causalbench.core.learners.settings import EvaluationSettings, PPOSettings, SACSettings
+from causalbench.core.learners.sac.settings import SACSettings
+from causalbench.core.learners.settings import EvaluationSettings
 from causalbench.core.learners.training import train
 from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench.errors import CheckpointError

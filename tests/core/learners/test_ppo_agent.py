@@ -13,7 +13,8 @@ from stable_baselines3.common.logger import configure
 from causalbench.core.learners.causal_gradient import StagePlan
 from causalbench.core.learners.ppo.agent import PPOAgent, Samples
 from causalbench.core.learners.ppo.rollout import Steps, gae
-from causalbench.core.learners.settings import PRESETS, PPOSettings
+from causalbench.core.learners.ppo.settings import PPOSettings
+from causalbench.core.learners.settings import PRESETS
 from causalbench.core.networks.gaussian import gaussian_actor_forward, gaussian_log_prob, tanh_mlp
 from causalbench.errors import DivergedError
 

@@ -15,7 +15,8 @@ from causalbench.core.learners.causal_gradient import StagePlan, stage_plan, tra
 from causalbench.core.learners.methods import METHODS, PAPER
 from causalbench.core.learners.sac.agent import SACAgent
 from causalbench.core.learners.sac.buffer import Batch, StageBuffer
-from causalbench.core.learners.settings import PRESETS, SACSettings
+from causalbench.core.learners.sac.settings import SACSettings
+from causalbench.core.learners.settings import PRESETS
 from causalbench.core.networks.squashed_gaussian import LOG_STD_MAX, actor_forward, squashed_sample
 from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench.errors import DivergedError

@@ -11,8 +11,10 @@ from causalbench.core.kinematic import make
 from causalbench.core.kinematic.worlds import KinematicScene
 from causalbench.core.learners.methods import METHODS
 from causalbench.core.learners.policy import ObservationScale, StagedPolicy, load_policy
+from causalbench.core.learners.ppo.settings import PPOSettings
+from causalbench.core.learners.sac.settings import SACSettings
 from causalbench.core.learners.sb3.stock import SummedRewardEnv, exported_actor, make_stock
-from causalbench.core.learners.settings import EvaluationSettings, PPOSettings, SACSettings
+from causalbench.core.learners.settings import EvaluationSettings
 from causalbench.core.learners.training import train
 from causalbench.core.staged.env import StageTaskEnv
 from causalbench.core.staged.vector_env import StageTaskVectorEnv

@@ -22,9 +22,11 @@ from causalbench.core.learners.causal_gradient import StagePlan
 from causalbench.core.learners.checkpoint import Checkpoints
 from causalbench.core.learners.methods import METHODS
 from causalbench.core.learners.policy import ObservationScale
+from causalbench.core.learners.ppo.settings import PPOSettings
 from causalbench.core.learners.sac.agent import SACAgent
 from causalbench.core.learners.sac.buffer import Batch
-from causalbench.core.learners.settings import EvaluationSettings, PPOSettings, SACSettings
+from causalbench.core.learners.sac.settings import SACSettings
+from causalbench.core.learners.settings import EvaluationSettings
 from causalbench.core.learners.training import train
 from causalbench.core.networks.encoder import SENSORS, Encoder
 from causalbench.core.staged.env import StageTaskEnv

@@ -19,9 +19,11 @@ from causalbench.core.learners.counting import Counter
 from causalbench.core.learners.evaluation import evaluate
 from causalbench.core.learners.methods import METHODS, PAPER
 from causalbench.core.learners.policy import ObservationScale, StagedPolicy, load_policy
+from causalbench.core.learners.ppo.settings import PPOSettings
 from causalbench.core.learners.ppo.staged import StagedPPO
+from causalbench.core.learners.sac.settings import SACSettings
 from causalbench.core.learners.sac.staged import StagedSAC
-from causalbench.core.learners.settings import EvaluationSettings, PPOSettings, SACSettings
+from causalbench.core.learners.settings import EvaluationSettings
 from causalbench.core.learners.training import train
 from causalbench.core.staged.env import StageTaskEnv
 from causalbench.core.staged.vector_env import StageTaskVectorEnv

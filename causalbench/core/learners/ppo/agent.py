@@ -16,7 +16,7 @@ from torch import Tensor
 
 from causalbench.core.learners.causal_gradient import StagePlan
 from causalbench.core.learners.ppo.rollout import Steps, gae
-from causalbench.core.learners.settings import PPOSettings
+from causalbench.core.learners.ppo.settings import PPOSettings
 from causalbench.core.networks.encoded import network
 from causalbench.core.networks.encoder import Encoder
 from causalbench.core.networks.gaussian import gaussian_log_prob, init_gaussian_actor, init_values

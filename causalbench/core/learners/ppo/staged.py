@@ -16,7 +16,7 @@ from causalbench.core.learners.methods import Method
 from causalbench.core.learners.policy import ObservationScale, StagedPolicy
 from causalbench.core.learners.ppo.agent import PPOAgent
 from causalbench.core.learners.ppo.rollout import Rollout, Steps
-from causalbench.core.learners.settings import PPOSettings
+from causalbench.core.learners.ppo.settings import PPOSettings
 from causalbench.core.networks.state import State, below, prefixed
 from causalbench.core.staged.env import Observation
 from causalbench.core.tasks.task import Task

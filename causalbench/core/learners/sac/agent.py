@@ -16,7 +16,7 @@ from torch import Tensor
 from causalbench.core.learners.causal_gradient import StagePlan
 from causalbench.core.learners.sac.buffer import Batch, StageBuffer
 from causalbench.core.learners.sac.frame_buffer import FrameBuffer
-from causalbench.core.learners.settings import SACSettings
+from causalbench.core.learners.sac.settings import SACSettings
 from causalbench.core.networks.encoded import Network, network
 from causalbench.core.networks.encoder import Encoder
 from causalbench.core.networks.squashed_gaussian import (

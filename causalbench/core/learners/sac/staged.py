@@ -16,7 +16,7 @@ from causalbench.core.learners.methods import Method
 from causalbench.core.learners.policy import ObservationScale, StagedPolicy
 from causalbench.core.learners.sac.agent import SACAgent
 from causalbench.core.learners.sac.buffer import Batch
-from causalbench.core.learners.settings import SACSettings
+from causalbench.core.learners.sac.settings import SACSettings
 from causalbench.core.networks.state import State, below, prefixed
 from causalbench.core.staged.env import Observation
 from causalbench.core.tasks.task import Task

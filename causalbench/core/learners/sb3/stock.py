@@ -23,8 +23,10 @@ from torch import Tensor
 from causalbench.core.learners.counting import Counter
 from causalbench.core.learners.evaluation import evaluate
 from causalbench.core.learners.policy import ObservationScale, StagedPolicy
+from causalbench.core.learners.ppo.settings import PPOSettings
 from causalbench.core.learners.records import Evaluation, TrainingCounts
-from causalbench.core.learners.settings import EvaluationSettings, LearnerSettings, PPOSettings, SACSettings
+from causalbench.core.learners.sac.settings import SACSettings
+from causalbench.core.learners.settings import EvaluationSettings, LearnerSettings
 from causalbench.core.staged.env import StageTaskEnv
 from causalbench.core.staged.vector_env import StageTaskVectorEnv
 from causalbench.errors import DivergedError

@@ -1,0 +1,44 @@
+"""Every number that soft actor-critic needs, with the paper's values beside ours."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+
+@dataclass(frozen=True)
+class SACSettings:
+    """Settings of `StagedSAC`, per stage agent. The defaults are the quick tier's; `PRESETS["paper"]` the paper's."""
+
+    net_arch: tuple[int, ...] = (64, 64)
+    batch_size: int = 256
+    learning_rate: float = 1e-3
+    gamma: float = 0.99
+    tau: float = 0.005  # soft target update factor
+    buffer_size: int = 10_000  # samples kept per stage
+    learning_starts: int = 500  # random samples per stage before its first update
+    train_every: int = 32  # new samples of a stage that trigger its training (Algorithm 3, `count`)
+    updates_per_sample: float = 0.25
+    ent_coef_init: float = 0.05  # entropy start; SB3's "auto" starts at 1.0
+    cooperation_weight: float = 0.3  # share of the next stage's critic in cSAC
+    critics: Literal["rows", "heads", "terms"] = "rows"  # a critic per distinct matrix row (heads: of one net) or term
+    n_envs: int = 1  # scenes stepped by one learner
+    observe_gripper: bool = True  # ours; the paper's observation has no gripper opening
+    observation: Literal["state", "paper"] = "state"  # "paper": image or LiDAR, too, through the paper's convolutions
+
+
+PRESETS: Mapping[str, SACSettings] = {
+    "quick": SACSettings(),
+    "paper": SACSettings(
+        net_arch=(512, 512),
+        batch_size=512,
+        learning_rate=5e-4,
+        train_every=1000,
+        updates_per_sample=1.0,
+        learning_starts=1000,
+        critics="heads",  # the paper does not say; networks of their own make an update cost 1.9 times as much
+        observe_gripper=False,
+    ),
+}
+"""Name -> starting point; the paper's is its hyperparameter table and its section Neural Network Architecture."""
