@@ -1,0 +1,81 @@
+"""Commands about simulators: `backends`, `check`, `new-backend`, `doctor`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from causalbench.cli.options import EXIT_FAILED, AsJson, Jobs, cores, print_json
+from causalbench.errors import UserError
+
+
+def backends() -> None:
+    """List simulators, and plugins that could not be loaded."""
+    from causalbench.cli.terminal_tables import print_backends
+    from causalbench.plugins.manager import installed
+
+    print_backends(installed())
+
+
+def check(
+    backend: Annotated[str, typer.Argument(help="Registered name, such as kinematic.")],
+    option: Annotated[list[str] | None, typer.Option(help="Option of the backend: name=value (repeatable).")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Check a backend against the numbered contract of docs/conformance.md."""
+    from causalbench.cli.terminal_tables import print_checks
+    from causalbench.conformance.suite import FAIL, run_checks
+    from causalbench.plugins.manager import installed
+
+    results = run_checks(installed().backend(backend), _options(option or ()))
+    if as_json:
+        rows = list(map(vars, results))
+        print_json({"backend": backend, "checks": rows})
+    else:
+        rows = print_checks(backend, map(vars, results))
+    if any(row["outcome"] == FAIL for row in rows):
+        raise typer.Exit(EXIT_FAILED)
+
+
+def new_backend(
+    name: Annotated[str, typer.Argument(help="Name to register, such as my_sim.")],
+    out: Annotated[Path, typer.Option(help="Where the new folder NAME_backend goes.")] = Path(),
+) -> None:
+    """Write a plugin that passes `check`, for you to put your simulator into."""
+    from causalbench.scaffold import write_backend
+
+    folder = write_backend(name, out)
+    typer.echo(f"wrote {folder}; now: pip install -e {folder} && causalbench check {name}, then {folder}/README.md")
+
+
+def _options(given: Iterable[str]) -> dict[str, Any]:
+    """`["timestep=0.002"]` as keyword arguments; a value that is no number, true or false stays a string."""
+    import json
+
+    options = {}
+    for text in given:
+        name, equals, value = text.partition("=")
+        if not name or not equals:
+            raise UserError(f"--option {text!r}: expected name=value, such as control_hz=20")
+        try:
+            options[name] = json.loads(value)
+        except ValueError:
+            options[name] = value
+    return options
+
+
+def doctor(jobs: Jobs = None) -> None:
+    """Try every simulator and look for what makes runs fail or crawl; exit code 1 if anything needs mending."""
+    from causalbench.cli.terminal_tables import print_finding
+    from causalbench.plugins.manager import installed
+    from causalbench.run.doctor import examine
+
+    found = []
+    for finding in examine(installed(), jobs or cores()):
+        print_finding(finding)
+        found.append(finding.ok)
+    if not all(found):
+        raise typer.Exit(EXIT_FAILED)

@@ -1,0 +1,42 @@
+"""What commands share: options, exit codes, output as JSON."""
+
+from __future__ import annotations
+
+import os
+import sys
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+EXIT_FAILED, EXIT_MISTAKE, EXIT_INTERRUPTED = 1, 2, 130
+
+
+class TierOption(StrEnum):
+    """How much to run."""
+
+    smoke = "smoke"
+    quick = "quick"
+    full = "full"
+
+
+SuiteArgument = Annotated[Path, typer.Argument(help="Suite file, such as suites/pure_manip.yaml.")]
+Tier = Annotated[TierOption, typer.Option(help="smoke: a minute; quick: one seed; full: the published table.")]
+Seeds = Annotated[int | None, typer.Option(min=1, help="Run seeds 0 to N-1 instead of the tier's number.")]
+Only = Annotated[list[str] | None, typer.Option(help="Keep some cells: backend=A,method=B,seed=0 (repeatable).")]
+Out = Annotated[Path | None, typer.Option(help="Run folder (default: runs/<suite>-<tier>).")]
+Jobs = Annotated[int | None, typer.Option(min=1, help="Cells at a time (default: one per core).")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
+
+
+def cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
+
+
+def print_json(content: Any) -> None:
+    """Print `content` as indented JSON on stdout."""
+    import json
+
+    typer.echo(json.dumps(content, indent=1))

@@ -1,0 +1,160 @@
+"""`causalbench run` and `causalbench plan`."""
+
+from __future__ import annotations
+
+import os
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from causalbench.cli.options import (
+    EXIT_FAILED,
+    EXIT_INTERRUPTED,
+    AsJson,
+    Jobs,
+    Only,
+    Out,
+    Seeds,
+    SuiteArgument,
+    Tier,
+    TierOption,
+    cores,
+    print_json,
+)
+
+if TYPE_CHECKING:
+    from causalbench.run.session import Execution
+    from causalbench.store.cells import RunFolder
+    from causalbench.suite.plan import Plan
+    from causalbench.suite.schema import SuiteFile
+
+
+class ExecutorOption(StrEnum):
+    """How to run."""
+
+    serial = "serial"
+    processes = "processes"
+
+
+def run(
+    suite: SuiteArgument,
+    tier: Tier = TierOption.quick,
+    seeds: Seeds = None,
+    only: Only = None,
+    out: Out = None,
+    jobs: Jobs = None,
+    executor: Annotated[
+        ExecutorOption, typer.Option(help="A process per cell, or all in this one.")
+    ] = ExecutorOption.processes,
+    timeout: Annotated[float | None, typer.Option(min=0.001, help="Minutes that a cell may take.")] = None,
+    retry_failed: Annotated[
+        bool, typer.Option(help="Run diverged and timed-out cells again, too; failed ones always are.")
+    ] = False,
+    checkpoint_every: Annotated[
+        int, typer.Option(min=1, help="Environment steps after which a learner keeps what a killed run continues from.")
+    ] = 2_000,
+    tensorboard: Annotated[bool, typer.Option(help="Also write each cell's curves for TensorBoard.")] = False,
+    as_json: AsJson = False,
+    quiet: Annotated[bool, typer.Option(help="Show no progress.")] = False,
+) -> None:
+    """Run a suite, or what is missing of it, and print the leaderboard."""
+    # Set before numpy is imported: a cell has one core, and sums must not depend on how many there are.
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
+    from causalbench.run.cell import Keeping
+    from causalbench.run.session import Execution
+    from causalbench.run.tensorboard import summary_writer
+
+    if tensorboard:
+        summary_writer()  # says at once if it is missing
+    plan, folder, file = _plan(suite, tier, seeds, only, out)
+    seconds = None if timeout is None else 60 * timeout
+    execution = Execution(
+        executor.value, jobs or cores(), seconds, retry_failed, Keeping(checkpoint_every, tensorboard)
+    )
+    try:
+        _execute(plan, folder, file, execution, quiet or as_json)
+    except KeyboardInterrupt:
+        typer.echo("stopped; the same command continues with what is missing", err=True)
+        raise typer.Exit(EXIT_INTERRUPTED) from None
+    states = [folder.status(cell).state for cell in plan.cells]
+    _print_run(plan, folder, as_json)
+    if any(state != "done" for state in states):
+        raise typer.Exit(EXIT_FAILED)
+
+
+def plan(
+    suite: SuiteArgument,
+    tier: Tier = TierOption.quick,
+    seeds: Seeds = None,
+    only: Only = None,
+    out: Out = None,
+    jobs: Jobs = None,
+    as_json: AsJson = False,
+) -> None:
+    """Show what `run` would do, with times estimated from cells that have run."""
+    from causalbench.cli.terminal_tables import print_plan
+    from causalbench.run.session import estimate_seconds
+
+    chosen, folder, _ = _plan(suite, tier, seeds, only, out)
+    estimates = estimate_seconds(chosen, folder)
+    rows = [
+        {
+            "cell": cell.id,
+            "kind": cell.identity["kind"],
+            "state": folder.status(cell).state,
+            "seconds": estimates[cell.id],
+        }
+        for cell in chosen.cells
+    ]
+    if as_json:
+        print_json({"out": str(folder.path), "cells": rows})
+    else:
+        print_plan(rows, folder.path, jobs or cores())
+
+
+def _plan(
+    suite: Path, tier: TierOption, seeds: int | None, only: list[str] | None, out: Path | None
+) -> tuple[Plan, RunFolder, SuiteFile]:
+    from causalbench.plugins.manager import installed
+    from causalbench.store.cells import RunFolder
+    from causalbench.suite.plan import make_plan
+    from causalbench.suite.schema import load_suite
+
+    file = load_suite(suite)
+    plan = make_plan(file, tier.value, installed(), seeds, only or ())
+    return plan, RunFolder(out or Path("runs") / f"{file.suite.name}-{tier.value}"), file
+
+
+def _execute(plan: Plan, folder: RunFolder, file: SuiteFile, execution: Execution, quiet: bool) -> None:
+    from causalbench.cli.progress import choose_view
+    from causalbench.cli.terminal_tables import progress_console
+    from causalbench.plugins.manager import installed
+    from causalbench.report.figures import write_run_figures
+    from causalbench.report.tables import write_tables
+    from causalbench.run.session import run_plan
+
+    view = choose_view(quiet, progress_console())
+
+    def report() -> None:
+        write_tables(folder)
+        write_run_figures(folder)
+
+    run_plan(plan, folder, file, installed(), execution, view, report)
+
+
+def _print_run(plan: Plan, folder: RunFolder, as_json: bool) -> None:
+    from causalbench.cli.terminal_tables import print_known_gaps, print_leaderboard, print_unfinished
+    from causalbench.report.tables import merged_leaderboard
+
+    rows = merged_leaderboard([folder])
+    statuses = {cell.id: folder.status(cell) for cell in plan.cells}
+    if as_json:
+        cells = [{"cell": name, "state": status.state, "reason": status.reason} for name, status in statuses.items()]
+        print_json({"out": str(folder.path), "cells": cells, "leaderboard": rows})
+        return
+    print_leaderboard(rows)
+    print_known_gaps([folder])
+    print_unfinished(statuses, folder.path)
