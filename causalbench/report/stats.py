@@ -1,17 +1,17 @@
-"""Statistics over seeds: small, written out, and seeded.
+"""Statistics over seeds, by scipy where it has them, and seeded.
 
-rliable's bootstrap ignores the random state it is given, so intervals are drawn here; its point estimates are what
-these functions return (tests compare them). "Runs" are seeds; a stratum is a backend, resampled on its own.
+rliable's bootstrap ignores the random state it is given; its point estimates are what these functions return (tests
+compare them). "Runs" are seeds; a stratum is a backend, resampled on its own.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+import scipy.stats
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -24,12 +24,9 @@ ALPHA = 0.05
 
 
 def wilson(successes: int, n: int) -> Interval:
-    """95% Wilson score interval of a share."""
-    z = 1.959963984540054
-    share, scale = successes / n, 1 + z * z / n
-    centre = (share + z * z / (2 * n)) / scale
-    half = z / scale * math.sqrt(share * (1 - share) / n + z * z / (4 * n * n))
-    return max(0.0, centre - half), min(1.0, centre + half)
+    """95% Wilson score interval of the share `successes` / `n`."""
+    found = scipy.stats.binomtest(successes, n).proportion_ci(1 - ALPHA, "wilson")
+    return float(found.low), float(found.high)
 
 
 def area_under(steps: Sequence[float], values: Sequence[float], budget: float) -> float:
@@ -40,9 +37,7 @@ def area_under(steps: Sequence[float], values: Sequence[float], budget: float) -
 
 def iqm(values: Array) -> Array:
     """Mean of the middle half along the last axis: a quarter of the values, rounded down, is cut at each end."""
-    n = values.shape[-1]
-    cut = n // 4
-    middle: Array = np.sort(values, axis=-1)[..., cut : n - cut].mean(axis=-1)
+    middle: Array = scipy.stats.trim_mean(values, 0.25, axis=-1)
     return middle
 
 
@@ -75,8 +70,17 @@ def interval(samples: Array, alpha: float = ALPHA) -> Interval:
 
 
 def bootstrap_interval(statistic: Callable[[list[Array]], Array], strata: Sequence[Array], seed: int = 0) -> Interval:
-    """Interval of `statistic` under resampling of the runs of each stratum."""
-    return interval(statistic(resample(strata, np.random.default_rng(seed))))
+    """Percentile interval of `statistic` under resampling of the runs of each stratum."""
+    found = scipy.stats.bootstrap(
+        strata,
+        lambda *samples, axis: statistic(list(samples)),
+        n_resamples=RESAMPLES,
+        vectorized=True,
+        confidence_level=1 - ALPHA,
+        method="percentile",
+        rng=np.random.default_rng(seed),
+    ).confidence_interval
+    return float(found.low), float(found.high)
 
 
 @dataclass(frozen=True)
