@@ -22,11 +22,13 @@ import pandas as pd
 import torch
 from pages import DOCS, merge_into, write
 
+from causalbench.core.discovery.discoverers import DISCOVERERS
 from causalbench.core.discovery.graph import CausalGraph
 from causalbench.core.discovery.methods.kl.placebos import calibrate
-from causalbench.core.discovery.registry import DISCOVERERS, StageProblem
-from causalbench.core.discovery.samples.collect import Samples, StageSamples
+from causalbench.core.discovery.methods.kl.settings import KLSettings
+from causalbench.core.discovery.registry import StageProblem
 from causalbench.core.discovery.samples.collection import Collection, Recipe
+from causalbench.core.discovery.samples.transitions import Samples, StageSamples
 from causalbench.core.discovery.settings import DiscoverySettings
 from causalbench.core.discovery.truth.oracle import Grade, StageTruth
 from causalbench.core.discovery.truth.score import Score, score_graph
@@ -56,7 +58,7 @@ def folder(root: Path, backend: str, seed: int) -> Path:
 
 def read_graph(path: Path) -> CausalGraph:
     """The graph in the folder of a discovery."""
-    return CausalGraph.from_json((path / "graph.json").read_text(encoding="utf-8"), path / "graph.json")
+    return CausalGraph.load(path / "graph.json")
 
 
 def read_truth(path: Path) -> tuple[StageTruth, ...]:
@@ -106,6 +108,11 @@ class Subset:
     seed: int
     whole: StageSamples
 
+    @property
+    def options(self) -> Any:
+        """The discoverer's own."""
+        return self.settings.options
+
     def samples(self) -> StageSamples:
         """Nested: what a smaller `training_count` holds, a larger one holds, too."""
         count = self.settings.training_count
@@ -128,15 +135,15 @@ class Subset:
 def decide(wholes: list[StageSamples], settings: DiscoverySettings, seed: int) -> CausalGraph:
     """What `settings.discoverer` makes of the first samples of every stage."""
     discoverer = DISCOVERERS[settings.discoverer]
+    settings = discoverer.complete(settings)
     problems: list[StageProblem] = [Subset(TASK, i, settings, seed, whole) for i, whole in enumerate(wholes, 1)]
     stages = tuple(map(discoverer.discover_stage, problems))
-    return CausalGraph(TASK.name, TASK.version, "discovered", stages, provenance={"settings": vars(settings)})
+    return CausalGraph(TASK.name, TASK.version, "discovered", stages)
 
 
 def by_fdr(graph: CausalGraph) -> CausalGraph:
     """The same fit, its edges selected by the placebos' distribution."""
-    settings = {**graph.provenance["settings"], "select": "fdr"}
-    return calibrate(replace(graph, provenance={**graph.provenance, "settings": settings}))
+    return replace(graph, stages=calibrate(graph.stages, DiscoverySettings(options=KLSettings(select="fdr"))))
 
 
 def judged(graph: CausalGraph, truth: tuple[StageTruth, ...]) -> Row:

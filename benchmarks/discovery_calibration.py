@@ -14,8 +14,9 @@ import pandas as pd
 import torch
 from discoveries import Row, measured, options, put_together, quiet, read_graph
 
-from causalbench.core.discovery.graph import CausalGraph, used_kl
+from causalbench.core.discovery.graph import CausalGraph
 from causalbench.core.discovery.methods.kl.placebos import p_values
+from causalbench.core.discovery.methods.kl.settings import KLSettings
 from causalbench.core.discovery.pipeline import discover
 from causalbench.core.discovery.settings import DiscoverySettings
 from causalbench.core.discovery.truth.oracle import consult_oracle
@@ -25,7 +26,7 @@ from causalbench.report.stats import wilson
 
 NAME = "discovery_calibration"
 STATES, ROUNDING = 200, 1e-9
-FDR = DiscoverySettings().fdr
+FDR = KLSettings().fdr
 
 
 def truth() -> list[np.ndarray]:
@@ -43,8 +44,8 @@ def graph_of(seed: int, discoveries: Path) -> CausalGraph:
 
 def edges(graph: CausalGraph, true: list[np.ndarray], seed: int) -> list[Row]:
     """One row per edge of one discovery."""
-    kl = [used_kl(graph, stage.stage) for stage in graph.stages]
-    p = p_values(kl, [np.asarray(stage.null_kl) for stage in graph.stages])
+    kl, null_kl, q = ([stage.evidence[name] for stage in graph.stages] for name in ("kl", "null_kl", "q_value"))
+    p = p_values(kl, null_kl)
     return [
         {
             "seed": seed,
@@ -54,9 +55,9 @@ def edges(graph: CausalGraph, true: list[np.ndarray], seed: int) -> list[Row]:
             "true": int(true[i][k, j]),
             "kl": kl[i][k, j],
             "p_value": p[i][k, j],
-            "q_value": np.asarray(stage.q_value)[k, j],
+            "q_value": q[i][k, j],
             "paper": int(stage.matrix[k, j]),
-            "fdr": int(np.asarray(stage.q_value)[k, j] <= FDR),
+            "fdr": int(q[i][k, j] <= FDR),
         }
         for i, stage in enumerate(graph.stages)
         for j, term in enumerate(stage.terms)

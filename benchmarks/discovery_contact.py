@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from discoveries import Row, folder, measured, options, put_together, read_samples
 
-from causalbench.core.discovery.samples.collect import Samples, StageSamples
+from causalbench.core.discovery.samples.transitions import Samples, StageSamples
 from causalbench.core.discovery.truth.counterfactual import Walk
 from causalbench.core.discovery.truth.oracle import SEQUENCE_LENGTH
 from causalbench.core.tasks.pure_manipulation import TASK

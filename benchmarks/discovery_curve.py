@@ -30,8 +30,9 @@ from discoveries import (
     stages_of,
 )
 
-from causalbench.core.discovery.samples.collect import StageSamples
+from causalbench.core.discovery.methods.independence import KCISettings
 from causalbench.core.discovery.samples.collection import Recipe
+from causalbench.core.discovery.samples.transitions import StageSamples
 from causalbench.core.discovery.settings import DiscoverySettings
 from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench.plugins.manager import installed
@@ -67,7 +68,7 @@ def nested(wholes: list[StageSamples], made: Path) -> bool:
 
 def rows_of(backend: str, seed: int, method: str, size: int, made: Path, work: Path) -> list[Row]:
     """The row of one method and size; two for `kl`, whose fit serves both selections."""
-    settings = DiscoverySettings(discoverer=method, training_count=size, kci_samples=min(size, 1_000))
+    settings = DiscoverySettings(discoverer=method, training_count=size)
     row, truth = Row(backend=backend, seed=seed, samples=size, method=method), read_truth(made)
     if (method, size) == ("kl", KEPT):
         graph = read_graph(made)
@@ -124,7 +125,7 @@ def main() -> None:
             for seed in args.seeds:
                 made = folder(args.discoveries, backend, seed)
                 for method in METHODS:
-                    if method == "kci" and size > DiscoverySettings().kci_samples:
+                    if method == "kci" and size > KCISettings().samples:
                         continue  # its cost is cubic
                     path = args.work / f"{backend}-{seed}-{size}-{method}.csv"
                     measured(path, partial(rows_of, backend, seed, method, size, made, args.work))

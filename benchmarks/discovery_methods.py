@@ -28,9 +28,10 @@ from discoveries import (
     read_truth,
 )
 
+from causalbench.core.discovery.discoverers import DISCOVERERS
 from causalbench.core.discovery.graph import CausalGraph
+from causalbench.core.discovery.methods.independence import KCISettings
 from causalbench.core.discovery.pipeline import discover, discover_from_samples
-from causalbench.core.discovery.registry import DISCOVERERS
 from causalbench.core.discovery.samples.collection import streams
 from causalbench.core.discovery.settings import DiscoverySettings
 from causalbench.core.tasks.pure_manipulation import TASK
@@ -68,7 +69,7 @@ def samples_read(method: str, settings: DiscoverySettings, graph: CausalGraph) -
     if method not in ON_SAMPLES:
         return graph.env_steps
     if method == "kci":
-        return TASK.n_stages * settings.kci_samples
+        return TASK.n_stages * KCISettings().samples
     return sum(
         stream.count
         for stage in range(1, TASK.n_stages + 1)

@@ -14,9 +14,9 @@ from pathlib import Path
 import pandas as pd
 from discoveries import Row, cpu_seconds, folder, judged, measured, options, put_together, quiet, read_graph, read_truth
 
-from causalbench.core.discovery.graph import CausalGraph, used_kl
+from causalbench.core.discovery.discoverers import DISCOVERERS
+from causalbench.core.discovery.graph import CausalGraph
 from causalbench.core.discovery.pipeline import discover
-from causalbench.core.discovery.settings import PRESETS
 from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench.plugins.manager import installed
 from causalbench.store.cells import DATA
@@ -31,7 +31,7 @@ def paper_graph(backend: str, seed: int, work: Path) -> tuple[CausalGraph, Row]:
     path.mkdir(parents=True, exist_ok=True)
     with cpu_seconds(taken):
         make, store = installed().backend(backend).make, SampleFolder(path / DATA)
-        graph = discover(TASK, make, PRESETS["paper"], seed, quiet, store=store)
+        graph = discover(TASK, make, DISCOVERERS["kl"].configure("paper"), seed, quiet, store=store)
     (path / "graph.json").write_text(graph.to_json(), encoding="utf-8")
     return graph, taken
 
@@ -57,7 +57,7 @@ def edges_of(backend: str, seed: int, made: Path, work: Path) -> list[Row]:
     graphs = {"paper": read_graph(work / f"{backend}-{seed}"), "quick": read_graph(made)}
     return [
         Row(backend=backend, seed=seed, stage=stage.stage, reward=term, action=action)
-        | {f"kl_{name}": used_kl(graph, stage.stage)[k, j] for name, graph in graphs.items()}
+        | {f"kl_{name}": graph.stages[stage.stage - 1].evidence["kl"][k, j] for name, graph in graphs.items()}
         | {f"selected_{name}": int(graph.stages[stage.stage - 1].matrix[k, j]) for name, graph in graphs.items()}
         | {"effect": stage.effect[k, j], "grade": stage.grades()[k][j].value}
         for stage in read_truth(made)

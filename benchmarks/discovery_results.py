@@ -26,7 +26,7 @@ from discovery_calibration import summary as calibration_summary
 from discovery_methods import summary as methods_summary
 from pages import Frames, Tables, merge_into, rounded
 
-from causalbench.core.discovery.graph import manual_graph, used_kl
+from causalbench.core.discovery.graph import manual_graph
 from causalbench.core.discovery.methods.kl.select import select_causal_actions
 from causalbench.core.discovery.truth.score import score_matrix
 from causalbench.core.tasks.pure_manipulation import TASK
@@ -65,20 +65,20 @@ def draw_first(root: Path, figures: Path) -> None:
         if (root / f"{backend}-s0" / "oracle.csv").exists():
             with tempfile.TemporaryDirectory() as folder:
                 write_figures(Path(folder) / "figures", read_graph(root / f"{backend}-s0"), manual_graph(TASK))
-                shutil.copyfile(Path(folder) / "figures" / "kl.svg", figures / f"kl-{backend}.svg")
+                shutil.copyfile(Path(folder) / "figures" / "evidence.svg", figures / f"kl-{backend}.svg")
 
 
 def _edges(backend: str, seed: int, path: Path) -> list[Row]:
     graph, rows = read_graph(path), []
     for found, true in zip(graph.stages, read_truth(path), strict=True):
-        kl, grades = used_kl(graph, found.stage), true.grades()
+        kl, grades = found.evidence["kl"], true.grades()
         for j, term in enumerate(found.terms):
             for k, action in enumerate(found.actions):
                 row = Row(backend=backend, seed=seed, stage=found.stage, reward=term, action=action)
-                row |= {"kl": kl[k, j], "kl_n": np.asarray(found.kl_normalised)[k, j]}
+                row |= {"kl": kl[k, j], "kl_n": found.evidence["kl_normalised"][k, j]}
                 row |= {
-                    "largest_null": np.asarray(found.null_kl)[:, j].max(),
-                    "q_value": np.asarray(found.q_value)[k, j],
+                    "largest_null": found.evidence["null_kl"][:, j].max(),
+                    "q_value": found.evidence["q_value"][k, j],
                 }
                 row |= {"selected": int(found.matrix[k, j]), "effect": true.effect[k, j]}
                 row |= {"effect_low": true.low[k, j], "effect_high": true.high[k, j], "grade": grades[k][j].value}
@@ -97,8 +97,8 @@ def _directions(backend: str, seed: int, path: Path) -> list[Row]:
     """Algorithm 2 alone, without the gate of placebos, on each direction of KL from the same fit."""
     rows = []
     for found, true in zip(read_graph(path).stages, read_truth(path), strict=True):
-        for name, kl in (("forward", found.kl), ("reverse", found.kl_reverse), ("symmetric", found.kl_symmetric)):
-            lists = np.asarray(kl).clip(min=0.0).T
+        for name in ("forward", "reverse", "symmetric"):
+            lists = found.evidence[f"kl_{name}"].clip(min=0.0).T
             score = score_matrix(np.column_stack([select_causal_actions(kls).selected for kls in lists]), true.grades())
             counts = {"found": score.true_positives, "missed": score.false_negatives, "false": score.false_positives}
             rows.append(Row(backend=backend, seed=seed, stage=found.stage, direction=name) | counts)

@@ -19,18 +19,20 @@ from discoveries import Subset
 from torch import nn
 from torch.utils.data import DataLoader, TensorDataset
 
+from causalbench.core.discovery.discoverers import DISCOVERERS
 from causalbench.core.discovery.methods.kl.method import discover_stage
-from causalbench.core.discovery.methods.kl.reward_model import HELD_OUT, train_reward_models
-from causalbench.core.discovery.samples.collect import Samples, StageSamples, collect
-from causalbench.core.discovery.settings import PRESETS, DiscoverySettings
+from causalbench.core.discovery.reward_model.models import HELD_OUT, train_reward_models
+from causalbench.core.discovery.samples.collect import collect
+from causalbench.core.discovery.samples.transitions import Samples, StageSamples
+from causalbench.core.discovery.settings import DiscoverySettings
 from causalbench.core.kinematic import make
 from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench.core.world.batch import make_batch
 
 STAGE, ROUNDS = 2, 5
 CAUSES = {"r_ori": {"armrx", "armry"}, "r_gripper": {"grip"}}
-LITERAL = PRESETS["paper"]
-OURS = DiscoverySettings(n_placebos=0)
+LITERAL = DISCOVERERS["kl"].configure("paper")
+OURS = DISCOVERERS["kl"].configure("quick", {"n_placebos": 0})
 COUNT = LITERAL.training_count  # collected; ours are the first of them
 
 
@@ -72,9 +74,9 @@ def loop_rate(data: StageSamples, k: int) -> float:
     y = np.concatenate([s.rewards[:, :1] for s in both])
     dataset = TensorDataset(torch.from_numpy((x - x.mean(0)) / (x.std(0) + 1e-6)), torch.from_numpy(y / y.std()))
     model = RewardModel(x.shape[1])
-    optimizer = torch.optim.Adam(model.parameters(), LITERAL.learning_rate)
+    optimizer = torch.optim.Adam(model.parameters(), LITERAL.options.learning_rate)
     started = time.perf_counter()
-    for inputs, target in DataLoader(dataset, LITERAL.batch_size, shuffle=True):
+    for inputs, target in DataLoader(dataset, LITERAL.options.batch_size, shuffle=True):
         mean, log_sigma = model(inputs)
         loss = (0.5 * ((target - mean) / log_sigma.exp()) ** 2 + log_sigma).mean()
         optimizer.zero_grad()
@@ -86,7 +88,7 @@ def loop_rate(data: StageSamples, k: int) -> float:
 def batched_rate(data: StageSamples, epochs: int) -> float:
     """Pair samples a second of `epochs` epochs of all pairs together, early stopping off."""
     started = time.perf_counter()
-    train_reward_models(pairs_of(data), replace(OURS, patience=0, max_epochs=epochs), 0, lambda share: None)
+    train_reward_models(pairs_of(data), replace(OURS.options, patience=0, max_epochs=epochs), 0, lambda share: None)
     pairs = len(data.interventions) * data.random.rewards.shape[1]
     return pairs * 2 * COUNT * epochs / (time.perf_counter() - started)
 
@@ -112,14 +114,13 @@ def main() -> None:
     print(f"At equal samples seen: {np.median(ratios):.1f}x (goal 12x)")
 
     ours = Subset(TASK, STAGE, OURS, 0, data).samples()
-    epochs = train_reward_models(pairs_of(ours), OURS, STAGE, lambda share: None).epochs
+    epochs = train_reward_models(pairs_of(ours), OURS.options, STAGE, lambda share: None).epochs
     early, early_seconds = wrong_cells(data, OURS)
     full, full_seconds = wrong_cells(data, LITERAL)
-    seen, paper = 2 * OURS.training_count * (1 - HELD_OUT) * epochs, 2 * COUNT * LITERAL.max_epochs
+    seen, paper = 2 * OURS.training_count * (1 - HELD_OUT) * epochs, 2 * COUNT * LITERAL.options.max_epochs
     print(f"Stopping early: a pair sees {seen:,.0f} samples against {paper:,}: {paper / seen:.1f}x (goal 10x)")
-    print(
-        f"  {epochs} epochs against {LITERAL.max_epochs}, on {2 * OURS.training_count:,} samples against {2 * COUNT:,}"
-    )
+    most, ours_seen = LITERAL.options.max_epochs, 2 * OURS.training_count
+    print(f"  {epochs} epochs against {most}, on {ours_seen:,} samples against {2 * COUNT:,}")
     print(f"  fit and decision {early_seconds:.1f} s against {full_seconds:.1f} s: {full_seconds / early_seconds:.1f}x")
     print(f"  wrong cells of 14: {early} stopped early, {full} by the paper's optimisation")
 

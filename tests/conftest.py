@@ -101,8 +101,8 @@ tiers:
   smoke: {seeds: 1, env_steps: 120}
 evaluation: {every: 60, episodes: 1, final_episodes: 1}
 # Every action whose KL is not 0 counts: 20 samples find no cause, and a cause is what cmSAC needs to run at all.
-discovery: {training_count: 20, max_epochs: 1, sequence_length: 5, n_placebos: 0, epsilon_cv: 1000, epsilon_direct: 0,
-  oracle_states: 3}
+discovery: {training_count: 20, sequence_length: 5, n_placebos: 0, oracle_states: 3,
+  kl: {max_epochs: 1, epsilon_cv: 1000, epsilon_direct: 0}}
 learner: {learning_starts: 20, net_arch: [8], batch_size: 8}
 """
 """A suite that runs in seconds on the kinematic backend."""

@@ -13,6 +13,7 @@ import pandas as pd
 import pytest
 import tuning_grid
 
+from causalbench.core.discovery.methods.kl.settings import KLSettings
 from causalbench.core.discovery.pipeline import discover
 from causalbench.core.discovery.samples.collection import Recipe
 from causalbench.core.discovery.settings import DiscoverySettings
@@ -23,7 +24,7 @@ from causalbench.store.samples import SampleFolder
 
 ROOT = Path(__file__).parents[1]
 PRESET = (1e-3, 0.05)  # of SAC
-TINY = DiscoverySettings(training_count=64, max_epochs=1)
+TINY = DiscoverySettings(training_count=64, options=KLSettings(max_epochs=1))
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +54,7 @@ def test_decisions_on_kept_samples_are_those_of_the_discovery(made):
     store = SampleFolder(folder / "data")
     wholes = discoveries.stages_of(Recipe(TASK, TINY, 3, store.origin()[0], None, store))
     for again, stage in zip(discoveries.decide(wholes, TINY, 3).stages, graph.stages, strict=True):
-        np.testing.assert_array_equal(again.kl, stage.kl)
+        np.testing.assert_array_equal(again.evidence["kl"], stage.evidence["kl"])
         np.testing.assert_array_equal(again.matrix, stage.matrix)
 
 

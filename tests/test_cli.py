@@ -130,7 +130,7 @@ def test_discover_refuses_what_does_not_exist(call: Callable) -> None:
     done = call("discover", "--preset", "papr")
     assert (done.returncode, done.stderr) == (
         2,
-        "error: unknown preset 'papr'. Did you mean 'paper'? Known: paper, paper_mobile, quick.\n",
+        "error: unknown preset 'papr'. Did you mean 'paper'? Known: paper, paper_large, quick.\n",
     )
     done = call("discover", "--backend", "gymrobot9")
     assert (done.returncode, done.stderr.startswith("error: unknown backend 'gymrobot9'.")) == (2, True)

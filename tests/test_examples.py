@@ -9,6 +9,7 @@ import gymnasium as gym
 import pytest
 
 import causalbench
+from causalbench.core.discovery.methods.kl.settings import KLSettings
 from causalbench.core.discovery.settings import DiscoverySettings
 from causalbench.core.learners.settings import EvaluationSettings
 from causalbench.errors import UserError
@@ -21,7 +22,7 @@ def test_three_lines(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None
     example = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(example)
     example.ENV_STEPS, example.FOLDER = 60, str(tmp_path / "policy")
-    example.DISCOVERY = DiscoverySettings(training_count=200, max_epochs=20, n_placebos=0)
+    example.DISCOVERY = DiscoverySettings(training_count=200, n_placebos=0, options=KLSettings(max_epochs=20))
     example.EVALUATION = EvaluationSettings(final_episodes=1)
     example.main()
     printed = capsys.readouterr().out

@@ -98,7 +98,7 @@ from causalbench.plugins.hookspecs import hookimpl
 @hookimpl
 def causalbench_discoverers(register):
     register(Discoverer("guess", lambda problem: None, "for a test"))
-    register(Discoverer("lacking", lambda problem: None, "for a test", ("a_library_not_here",), "acme[lib]"))
+    register(Discoverer("lacking", lambda problem: None, "a test", modules=("a_library_not_here",), extra="acme[lib]"))
 """
 
 

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
-from causalbench.cli.options import EXIT_FAILED, AsJson, Jobs, cores, print_json
-from causalbench.errors import UserError
+from causalbench.cli.options import EXIT_FAILED, AsJson, Jobs, cores, named_values, print_json
 
 
 def backends() -> None:
@@ -30,7 +28,7 @@ def check(
     from causalbench.conformance.suite import FAIL, run_checks
     from causalbench.plugins.manager import installed
 
-    results = run_checks(installed().backend(backend), _options(option or ()))
+    results = run_checks(installed().backend(backend), named_values(option or (), "--option", "control_hz=20"))
     if as_json:
         rows = list(map(vars, results))
         print_json({"backend": backend, "checks": rows})
@@ -49,22 +47,6 @@ def new_backend(
 
     folder = write_backend(name, out)
     typer.echo(f"wrote {folder}; now: pip install -e {folder} && causalbench check {name}, then {folder}/README.md")
-
-
-def _options(given: Iterable[str]) -> dict[str, Any]:
-    """`["timestep=0.002"]` as keyword arguments; a value that is no number, true or false stays a string."""
-    import json
-
-    options = {}
-    for text in given:
-        name, equals, value = text.partition("=")
-        if not name or not equals:
-            raise UserError(f"--option {text!r}: expected name=value, such as control_hz=20")
-        try:
-            options[name] = json.loads(value)
-        except ValueError:
-            options[name] = value
-    return options
 
 
 def doctor(jobs: Jobs = None) -> None:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from causalbench.cli.options import cores
+from causalbench.cli.options import cores, named_values
 from causalbench.errors import UserError
 
 
@@ -15,26 +15,26 @@ def discover(
     backend: Annotated[str, typer.Option(help="Where to discover.")] = "kinematic",
     task: Annotated[str, typer.Option(help="What for.")] = "pure_manipulation",
     discoverer: Annotated[str, typer.Option(help="How: the paper's kl, or another of docs/discovery.md.")] = "kl",
-    preset: Annotated[str, typer.Option(help="Named settings: quick, paper, paper_mobile.")] = "quick",
-    select: Annotated[str, typer.Option(help="paper: Algorithm 2; fdr: what stands out from placebos.")] = "paper",
-    fdr: Annotated[float, typer.Option(min=0.0, max=1.0, help="Share of wrong edges that --select fdr allows.")] = 0.05,
-    action_repeat: Annotated[int, typer.Option(min=1, help="Control steps for which an action is held.")] = 1,
+    preset: Annotated[str, typer.Option(help="Named settings: quick, paper, paper_large.")] = "quick",
+    setting: Annotated[
+        list[str] | None, typer.Option("--set", help="A setting, any discoverer's or its own: name=value (repeatable).")
+    ] = None,
     seed: Annotated[int, typer.Option(min=0)] = 0,
     oracle: Annotated[bool, typer.Option("--oracle", help="Score it against counterfactuals from snapshots.")] = False,
     data: Annotated[
         Path | None, typer.Option(help="Folder `data` of an earlier discovery: use its samples, run no simulator.")
     ] = None,
-    out: Annotated[Path | None, typer.Option(help="Folder for graph.json, kl.csv and the samples.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for graph.json, evidence.csv and the samples.")] = None,
     jobs: Annotated[int | None, typer.Option(min=1, help="Processes that collect (default: one per core).")] = None,
 ) -> None:
-    """Discover the causal graph of a task, print it beside its KL values, and write graph.json, kl.csv and data/."""
+    """Discover the causal graph of a task, print it beside its evidence; write graph.json, evidence.csv and data/."""
     from causalbench.cli.terminal_tables import print_graph, print_oracle
     from causalbench.report.figures import write_discovery_figures
     from causalbench.run.alone import choose_settings, discover_alone, infer_alone
 
-    settings = choose_settings(discoverer, preset, select, fdr, action_repeat)
-    name = f"{discoverer}-{preset}" if select == "paper" else f"{discoverer}-{preset}-{select}"
-    name += f"-x{action_repeat}" if action_repeat > 1 else ""
+    changed = named_values(setting or (), "--set", "training_count=1000")
+    settings = choose_settings(discoverer, preset, changed)
+    name = "-".join([discoverer, preset, *(f"{key}-{value}" for key, value in changed.items())])
     if data is not None:
         if oracle:
             raise UserError("--oracle asks the simulator: run it without --data")

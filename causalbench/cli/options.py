@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Iterable
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+
+from causalbench.errors import UserError
 
 EXIT_FAILED, EXIT_MISTAKE, EXIT_INTERRUPTED = 1, 2, 130
 
@@ -40,3 +43,22 @@ def print_json(content: Any) -> None:
     import json
 
     typer.echo(json.dumps(content, indent=1))
+
+
+def named_values(given: Iterable[str], flag: str, example: str) -> dict[str, Any]:
+    """`["timestep=0.002"]`, values of the option `flag`, as keyword arguments.
+
+    A value that is no number, true or false stays a string. Raises `UserError`.
+    """
+    import json
+
+    options = {}
+    for text in given:
+        name, equals, value = text.partition("=")
+        if not name or not equals:
+            raise UserError(f"{flag} {text!r}: expected name=value, such as {example}")
+        try:
+            options[name] = json.loads(value)
+        except ValueError:
+            options[name] = value
+    return options

@@ -83,13 +83,13 @@ def print_plan(rows: Sequence[Row], folder: Path, jobs: int) -> None:
 
 
 def print_graph(graph: CausalGraph, folder: Path) -> None:
-    """Per stage the matrix beside its KL values; a selected action is marked."""
+    """Per stage the matrix beside the main column of the evidence; a selected action is marked."""
     for stage in graph.stages:
-        _print(_stage_table(stage))
+        _print(_stage_table(graph, stage))
         for note in stage.notes:
             _print(f"Stage {stage.stage}: {note}")
-    if any(stage.kl is not None for stage in graph.stages):
-        _print("KL1 = KL(P1||P2), KL2 = KL(P2||P1); P1 = p(r | s, do(a = 0)), P2 = p(r | s, random a); X: selected")
+    if main := graph.main_column:
+        _print(f"X: selected; {main.name}: {main.sentence}")
     _print(f"Causal graph {graph.hash}, {graph.env_steps} environment steps; written to {folder}")
 
 
@@ -127,27 +127,24 @@ def _floor(graph: CausalGraph) -> str:
     return f"{took}; restoring is not exact: repeating the same action shows effects up to {value:.2g} ({where})."
 
 
-def _stage_table(graph: StageGraph) -> Table:
-    causal = ", ".join(graph.causal_actions()) or "none"
-    enough = "" if graph.sufficient is None else f"; enough for a policy: {', '.join(graph.sufficient)}"
-    table = Table("action", title=f"Stage {graph.stage}: causal actions {causal}{enough}", title_justify="left")
-    for term in graph.terms:
-        table.add_column(f"{term}\nselected  {_evidence_names(graph)}")
-    for row, action in enumerate(graph.actions):
-        table.add_row(action, *(_edge(graph, row, column) for column in range(len(graph.terms))))
-    if graph.cv is not None:
-        table.add_row("cv", *(f"    {value:.2f}" for value in graph.cv))
+def _stage_table(graph: CausalGraph, stage: StageGraph) -> Table:
+    causal = ", ".join(stage.causal_actions()) or "none"
+    enough = "" if stage.sufficient is None else f"; enough for a policy: {', '.join(stage.sufficient)}"
+    table = Table("action", title=f"Stage {stage.stage}: causal actions {causal}{enough}", title_justify="left")
+    name = graph.main_column.name if graph.main_column else ""
+    for term in stage.terms:
+        table.add_column(f"{term}\nselected  {name:>8}")
+    for row, action in enumerate(stage.actions):
+        table.add_row(action, *(_edge(stage, name, row, column) for column in range(len(stage.terms))))
+    for column in graph.columns:
+        if column.per == "term" and column.name in stage.evidence:
+            table.add_row(column.name, *(f"          {value:8.2f}" for value in stage.evidence[column.name]))
     return table
 
 
-def _evidence_names(graph: StageGraph) -> str:
-    return " ".join(f"{name:>8}" for name in (("KL1", "KL2") if graph.kl is not None else graph.evidence))
-
-
-def _edge(graph: StageGraph, row: int, column: int) -> str:
-    tables = graph.evidence.values() if graph.kl is None else (graph.kl, graph.kl_reverse)
-    numbers = (f"{table[row, column]:8.4f}" for table in tables if table is not None)
-    return f"   {'X' if graph.matrix[row, column] else '.'}  {' '.join(numbers)}"
+def _edge(stage: StageGraph, name: str, row: int, column: int) -> str:
+    number = f"{stage.evidence[name][row, column]:8.4f}" if name in stage.evidence else ""
+    return f"   {'X' if stage.matrix[row, column] else '.'}      {number}"
 
 
 def print_backends(plugins: Plugins) -> None:

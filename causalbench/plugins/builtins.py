@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from causalbench.core.discovery.registry import DISCOVERERS, Discoverer
+from causalbench.core.discovery.discoverers import DISCOVERERS
+from causalbench.core.discovery.registry import Discoverer
 from causalbench.core.kinematic import make as make_kinematic
 from causalbench.core.kinematic.worlds import SPEC
 from causalbench.core.kit.base_following import CAPABILITIES

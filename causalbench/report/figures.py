@@ -1,4 +1,4 @@
-"""Pictures of a causal graph, as the paper has them: KL heat map, causal matrix, causal graph beside the human's.
+"""Pictures of a causal graph, as the paper has them: evidence as a heat map, causal matrix, graph beside the human's.
 
 SVG (text stays text) and PNG, the same bytes for the same graph. matplotlib is imported when a picture is drawn.
 """
@@ -12,13 +12,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from causalbench.atomic import write_folder
-from causalbench.core.discovery.graph import CausalGraph, StageGraph, used_kl
+from causalbench.core.discovery.graph import CausalGraph, EvidenceColumn, StageGraph
 from causalbench.store.cells import RunFolder
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.colors import Normalize
     from matplotlib.figure import Figure
 
 STAGE_COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00")
@@ -41,16 +43,16 @@ Column = tuple[StageGraph, int]
 
 
 def write_figures(folder: Path, graph: CausalGraph, human: CausalGraph) -> None:
-    """Fill `folder` with kl, matrix and graph, each as .svg and .png; `human` is the declared graph of the same task.
+    """Fill `folder` with evidence, matrix and graph, as .svg and .png; `human` is the declared graph of the same task.
 
-    A graph without any KL value has no heat map.
+    A graph without a main column of evidence has no heat map.
     """
     drawings: dict[str, Callable[[], Figure]] = {
         "matrix": lambda: draw_matrix(graph),
         "graph": lambda: draw_graphs(graph, human),
     }
-    if any(stage.kl is not None for stage in graph.stages):
-        drawings["kl"] = lambda: draw_kl(graph)
+    if (main := graph.main_column) and any(main.name in stage.evidence for stage in graph.stages):
+        drawings["evidence"] = lambda: draw_evidence(graph, main)
 
     def fill(path: Path) -> None:
         with _style():
@@ -66,10 +68,7 @@ def write_figures(folder: Path, graph: CausalGraph, human: CausalGraph) -> None:
 
 def write_discovery_figures(folder: Path) -> None:
     """Fill `figures/` in the folder of one discovery, from its graph.json and manual.json."""
-    graph, human = (
-        CausalGraph.from_json(path.read_text(encoding="utf-8"), path)
-        for path in (folder / "graph.json", folder / "manual.json")
-    )
+    graph, human = (CausalGraph.load(folder / name) for name in ("graph.json", "manual.json"))
     write_figures(folder / FIGURES, graph, human)
 
 
@@ -91,32 +90,24 @@ def _style() -> Iterator[None]:
         yield
 
 
-def draw_kl(graph: CausalGraph) -> Figure:
-    """KL of every (action, reward) in the direction that Algorithm 2 saw, logarithmic; selected cells are framed.
+def draw_evidence(graph: CausalGraph, main: EvidenceColumn) -> Figure:
+    """The column `main` of every (action, reward), selected cells framed.
 
     Columns that could not be tested are hatched: their frames are the declared causes.
     """
-    from matplotlib.colors import LogNorm
     from matplotlib.patches import Patch, Rectangle
 
     columns, actions = _columns(graph), graph.stages[0].actions
-    nothing = np.full(len(actions), np.nan)
-    values = np.column_stack(
-        [nothing if stage.kl is None else used_kl(graph, stage.stage)[:, j] for stage, j in columns]
-    )
-    tested = np.array([_testable(stage, j) for stage, j in columns])
-    shown = values[:, tested] if tested.any() else np.ones((1, 1))
-    largest, floor = float(shown.max()), graph.provenance["settings"]["sigma_kl"]
-    # A shift by one deviation at the floor of sigma; colour ends there. A rare reward reaches hundreds of nats, beside
-    # which every other cause would be pale.
-    high = max(min(largest, 1 / (2 * floor**2)) if floor else largest, 1e-3)
-    norm = LogNorm(max(high * 1e-5, 1e-4), high, clip=True)  # below a ten-thousandth of a nat is nothing
+    nothing = np.full((len(actions), max(len(stage.terms) for stage in graph.stages)), np.nan)
+    values = np.column_stack([stage.evidence.get(main.name, nothing)[:, j] for stage, j in columns])
+    tested = np.array([_testable(stage, j, main) for stage, j in columns])
+    norm, extend = _colours(values[:, tested], main)
     figure, ax = _grid(graph, columns)
     shown_values = np.where(tested, values.clip(norm.vmin), np.nan)
     image = ax.imshow(shown_values, cmap="cividis", norm=norm, aspect="equal")
     for (row, column), value in np.ndenumerate(values):
         if tested[column]:
-            dark = norm(max(value, 1e-9)) < 0.55
+            dark = norm(max(value, norm.vmin)) < 0.55
             ax.text(column, row, _short(value), ha="center", va="center", fontsize=8, color="w" if dark else "k")
     for column in np.flatnonzero(~tested):
         ax.add_patch(Rectangle((column - 0.5, -0.5), 1, len(actions), **UNTESTED))
@@ -126,15 +117,28 @@ def draw_kl(graph: CausalGraph) -> Figure:
             frame = Rectangle((column - 0.44, row - 0.44), 0.88, 0.88, fill=False, edgecolor=FRAME, lw=2.5)
             frame.set_gid(f"selected-{stage.stage}-{stage.terms[j]}-{actions[row]}")
             ax.add_patch(frame)
-    direction = graph.provenance["settings"]["direction"]
-    extend = "max" if largest > high else "neither"
     bar = figure.colorbar(image, ax=ax, fraction=0.05, pad=0.03, shrink=0.9, extend=extend)
-    bar.set_label(f"KL ({direction}), nats")
+    bar.set_label(f"{main.name}, {main.unit}" if main.unit else main.name)
     keys = [Patch(facecolor="none", edgecolor=FRAME, lw=2.5, label="selected")]
     if not tested.all():
         keys.append(Patch(**UNTESTED, label="not testable: declared causes"))
     figure.legend(handles=keys, loc="outside lower center", ncols=len(keys), frameon=False)
     return figure
+
+
+def _colours(shown: NDArray[np.float64], main: EvidenceColumn) -> tuple[Normalize, str]:
+    """How values become colours, and on which side of the bar there are values beyond it ("max" or "neither")."""
+    from matplotlib.colors import LogNorm, Normalize
+
+    if not shown.size:
+        return Normalize(0.0, 1.0), "neither"
+    largest = float(shown.max())
+    if main.log_range is None:
+        return Normalize(float(shown.min()), max(largest, float(shown.min()) + 1e-9), clip=True), "neither"
+    # Colour ends there: a rare reward reaches numbers beside which every other cause would be pale.
+    low, high = main.log_range
+    end = min(max(largest, 10 * low), high)
+    return LogNorm(low, end, clip=True), "max" if largest > end else "neither"
 
 
 def draw_matrix(graph: CausalGraph) -> Figure:
@@ -245,8 +249,8 @@ def _columns(graph: CausalGraph) -> list[Column]:
     return [(stage, j) for stage in graph.stages for j in range(len(stage.terms))]
 
 
-def _testable(stage: StageGraph, column: int) -> bool:
-    return stage.kl is not None and (stage.testable is None or bool(stage.testable[column]))
+def _testable(stage: StageGraph, column: int, main: EvidenceColumn) -> bool:
+    return main.name in stage.evidence and (stage.testable is None or bool(stage.testable[column]))
 
 
 def _colour(stage: int) -> str:

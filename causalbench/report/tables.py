@@ -5,14 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from causalbench.core.discovery.graph import CausalGraph, StageGraph
+from causalbench.core.discovery.edges import EDGE, edge_rows, evidence_columns
+from causalbench.core.discovery.graph import CausalGraph
 from causalbench.core.learners.records import Evaluation
 from causalbench.errors import RunFolderError
 from causalbench.report.leaderboard import COLUMNS as LEADERBOARD_COLUMNS
 from causalbench.report.leaderboard import leaderboard
 from causalbench.report.stats import area_under, wilson
 from causalbench.store.cells import RunFolder, StoredCell, check_comparable, in_order
-from causalbench.store.records import Counts, read_counts, read_effects, read_progress, write_rows
+from causalbench.store.records import ORACLE, Counts, read_counts, read_effects, read_progress, write_rows
 
 Row = dict[str, Any]
 
@@ -24,10 +25,8 @@ RESULTS = (
 )  # fmt: skip
 CURVES = (*KEYS, "env_steps", "success_deterministic", "success_sampled", "reversals", "mean_final_stage")
 RETURNS = ("cell", "env_steps", "term", "mean_return")
-DISCOVERY = (
-    "task", "backend", "seed", "stage", "reward", "action", "kl", "kl_reverse", "kl_symmetric", "cv", "kl_n",
-    "q_value", "selected", "in_policy", "effect", "effect_low", "effect_high", "grade",
-)  # fmt: skip
+DISCOVERY = ("task", "backend", "seed", *EDGE, *ORACLE.values())
+"""The columns that `discovery.csv` has whatever the discoverer; those of the evidence follow."""
 STAGES = (*KEYS, "quantity", "from_stage", "to_stage", "count")
 TIMING = ("cell", "state", "seconds", "env_steps", "env_steps_per_second")
 
@@ -42,7 +41,7 @@ def write_tables(run: RunFolder) -> list[Row]:
     write_rows(run.path / "curves.csv", CURVES, (row for cell in learned for row in _curve_rows(cell)))
     write_rows(run.path / "returns.csv", RETURNS, (row for cell in learned for row in _return_rows(cell)))
     write_rows(run.path / "stages.csv", STAGES, (row for cell in learned for row in _stage_rows(cell)))
-    write_rows(run.path / "discovery.csv", DISCOVERY, (row for cell in discovered for row in _discovery_rows(cell)))
+    write_rows(run.path / "discovery.csv", *_discovery_table(discovered))
     write_rows(run.path / "leaderboard.csv", LEADERBOARD_COLUMNS, board)
     write_rows(run.path / "timing.csv", TIMING, map(_timing_row, cells))
     return board
@@ -136,32 +135,17 @@ def _stage_rows(cell: StoredCell) -> Iterator[Row]:
         yield _keys(cell) | dict(zip(STAGES[len(KEYS) :], row, strict=True))
 
 
-def _discovery_rows(cell: StoredCell) -> Iterator[Row]:
-    path = cell.folder / "graph.json"
-    effects = read_effects(cell.folder / "oracle.csv")
-    for stage in CausalGraph.from_json(path.read_text(encoding="utf-8"), path).stages:
-        for row in _edge_rows(stage):
-            task, backend = cell.identity["task"]["name"], cell.identity["backend"]["name"]
+def _discovery_table(cells: Sequence[StoredCell]) -> tuple[tuple[str, ...], list[Row]]:
+    """Names of the columns and one row per edge of every discovery."""
+    evidence, rows = dict[str, None](), list[Row]()
+    for cell in cells:
+        graph, effects = CausalGraph.load(cell.folder / "graph.json"), read_effects(cell.folder / "oracle.csv")
+        evidence |= dict.fromkeys(evidence_columns(graph))
+        keys = (cell.identity["task"]["name"], cell.identity["backend"]["name"], cell.identity["seed"])
+        for row in edge_rows(graph):
             effect = effects.get((row["stage"], row["reward"], row["action"]), {})
-            yield {"task": task, "backend": backend, "seed": cell.identity["seed"]} | row | effect
-
-
-def _edge_rows(graph: StageGraph) -> Iterator[Row]:
-    """One row per reward and action."""
-    for column, term in enumerate(graph.terms):
-        for row, action in enumerate(graph.actions):
-            numbers = {
-                "kl": graph.kl, "kl_reverse": graph.kl_reverse, "kl_symmetric": graph.kl_symmetric,
-                "kl_n": graph.kl_normalised, "q_value": graph.q_value,
-            }  # fmt: skip
-            yield {
-                "stage": graph.stage,
-                "reward": term,
-                "action": action,
-                "cv": None if graph.cv is None else float(graph.cv[column]),
-                "selected": int(graph.matrix[row, column]),
-                "in_policy": int(action in graph.policy_actions()),
-            } | {name: None if table is None else float(table[row, column]) for name, table in numbers.items()}
+            rows.append(dict(zip(DISCOVERY, keys, strict=False)) | row | effect)
+    return (*DISCOVERY, *evidence), rows
 
 
 def _timing_row(cell: StoredCell) -> Row:

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.progress import Progress
 
 from causalbench.core.discovery.graph import CausalGraph, manual_graph
-from causalbench.core.discovery.settings import PRESETS, SELECTIONS, DiscoverySettings, Selection
-from causalbench.errors import RunFolderError, UnknownNameError
+from causalbench.core.discovery.settings import SHARED, DiscoverySettings
+from causalbench.errors import RunFolderError
 from causalbench.plugins.manager import installed, scene_maker
 from causalbench.run.cell import use_one_thread, write_graph
 from causalbench.run.score_graph import judge_graph
@@ -79,16 +79,12 @@ def infer_alone(data: Path, settings: DiscoverySettings, folder: Path) -> Causal
     return graph
 
 
-def choose_settings(discoverer: str, preset: str, select: str, fdr: float, action_repeat: int) -> DiscoverySettings:
-    """Those of a preset with the choices of the command line. Raises `UserError`."""
-    if preset not in PRESETS:
-        raise UnknownNameError("preset", preset, PRESETS)
-    if select not in SELECTIONS:
-        raise UnknownNameError("selection", select, SELECTIONS)
-    name = installed().discoverer(discoverer).name
-    settings = replace(PRESETS[preset], discoverer=name, select=cast(Selection, select), fdr=fdr)
-    paired_env_steps = settings.paired_env_steps * action_repeat  # as many states
-    return replace(settings, action_repeat=action_repeat, paired_env_steps=paired_env_steps)
+def choose_settings(discoverer: str, preset: str, changed: Mapping[str, Any]) -> DiscoverySettings:
+    """Those of a preset with the settings in `changed`, shared ones or the discoverer's own. Raises `UserError`."""
+    chosen = installed().discoverer(discoverer)
+    shared = {key: value for key, value in changed.items() if key in SHARED}
+    own = {key: value for key, value in changed.items() if key not in SHARED}
+    return chosen.configure(preset, shared, own)
 
 
 def _make(folder: Path) -> None:

@@ -123,15 +123,10 @@ def _discover(cell: DiscoveryCell, folder: Path, on_progress: OnProgress, cores:
 
 
 def write_graph(folder: Path, graph: CausalGraph, human: CausalGraph) -> None:
-    """Write `graph.json`, the human's as `manual.json`, and the numbers behind it.
+    """Write `graph.json`, the human's as `manual.json`, and the numbers behind it as `evidence.csv`."""
+    from causalbench.core.discovery.tables import evidence_table
 
-    These are the paper's table of KL values as `kl.csv`, or `evidence.csv`.
-    """
-    from causalbench.core.discovery.tables import evidence_table, kl_table
-
-    by_kl = any(stage.kl is not None for stage in graph.stages)
-    name, table = ("kl.csv", kl_table(graph)) if by_kl else ("evidence.csv", evidence_table(graph))
-    write_text(folder / name, table.to_csv(index=False, lineterminator="\n"))
+    write_text(folder / "evidence.csv", evidence_table(graph).to_csv(index=False, lineterminator="\n"))
     write_text(folder / "manual.json", human.to_json() + "\n")
     write_text(folder / "graph.json", graph.to_json() + "\n")
 
@@ -166,8 +161,7 @@ def _graph(cell: LearnerCell, task: Task, run: RunFolder) -> CausalGraph | None:
 
     found = None
     if cell.discovery is not None:
-        path = run.folder(cell.discovery) / "graph.json"
-        found = CausalGraph.from_json(path.read_text(encoding="utf-8"), path)
+        found = CausalGraph.load(run.folder(cell.discovery) / "graph.json")
     graph = training_graph(task, cell.method, found, scene_factory(cell.backend, task), cell.seed)
     if graph is not None and graph.origin in ("oracle", "control"):
         write_text(run.folder(cell) / "graph.json", graph.to_json() + "\n")

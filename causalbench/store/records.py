@@ -58,16 +58,20 @@ def _evaluation(row: dict[str, str]) -> Evaluation:
     return Evaluation(**({"held_rate": None} | plain | counts), term_returns=returns)
 
 
-EFFECT = ("effect", "effect_low", "effect_high", "grade")
+ORACLE = {name: f"oracle_{name}" for name in ("effect", "effect_low", "effect_high", "grade")}
+"""Column of `oracle.csv` -> its name beside what a discoverer found, whose evidence may be an effect, too."""
 
 
 def read_effects(path: Path) -> dict[tuple[int, str, str], dict[str, str]]:
-    """(stage, reward, action) -> what `oracle.csv` says of the edge, as it stands there; empty where none was asked."""
+    """(stage, reward, action) -> what `oracle.csv` says of the edge, as it stands there; empty where none was asked.
+
+    Its columns have the names of `ORACLE`.
+    """
     if not path.exists():
         return {}
     with path.open(encoding="utf-8", newline="") as file:
         return {
-            (int(row["stage"]), row["reward"], row["action"]): {name: row[name] for name in EFFECT}
+            (int(row["stage"]), row["reward"], row["action"]): {named: row[name] for name, named in ORACLE.items()}
             for row in csv.DictReader(file)
         }
 

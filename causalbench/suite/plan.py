@@ -20,7 +20,7 @@ from causalbench.errors import SuiteError, UnknownNameError, UserError
 from causalbench.plugins.hookspecs import Backend
 from causalbench.plugins.manager import Plugins, scene_maker
 from causalbench.suite.positions import Location
-from causalbench.suite.schema import DISCOVERY, EVALUATION, LEARNER, PerBackend, PerMethod, Suite, SuiteFile, Tier
+from causalbench.suite.schema import EVALUATION, LEARNER, DiscoveryPatch, PerBackend, PerMethod, Suite, SuiteFile, Tier
 
 OWN_GRAPH_TIER = "full"
 """In this tier each seed discovers its own graph, since a shared one makes seeds dependent; else seed 0's is shared."""
@@ -173,7 +173,7 @@ def make_plan(
                     location, f"its learner {method.learner!r} is none of {', '.join(LEARNER.learners)}"
                 )
             for seed in chosen_seeds:
-                cell = _learner_cell(file, tier, tier_name, identity, backend, method, seed)
+                cell = _learner_cell(file, plugins, tier, tier_name, identity, backend, method, seed)
                 if cell.discovery:
                     cells[cell.discovery.id] = cell.discovery
                 cells[cell.id] = cell
@@ -259,14 +259,15 @@ def module_versions(modules: Iterable[str]) -> dict[str, str]:
 
 
 def _learner_cell(
-    file: SuiteFile, tier: Tier, tier_name: str, task: TaskIdentity, backend: BackendIdentity, method: Method, seed: int
-) -> LearnerCell:
+    file: SuiteFile, plugins: Plugins, tier: Tier, tier_name: str, task: TaskIdentity, backend: BackendIdentity,
+    method: Method, seed: int,
+) -> LearnerCell:  # fmt: skip
     suite, code = file.suite, __version__
     of_backend = suite.per_backend.get(backend.name, PerBackend())
     layers = (suite, of_backend, suite.per_method.get(method.name, PerMethod()), tier)
     discovery = None
     if method.matrix == "discovered":
-        settings = DISCOVERY.resolve([suite.discovery, of_backend.discovery, tier.discovery])
+        settings = DiscoveryPatch(plugins.discoverers).resolve([suite.discovery, of_backend.discovery, tier.discovery])
         discovery = DiscoveryCell(code, task, backend, seed if tier_name == OWN_GRAPH_TIER else 0, settings)
     return LearnerCell(
         code,

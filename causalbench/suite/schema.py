@@ -13,8 +13,10 @@ import pydantic
 from pydantic import BaseModel, ConfigDict, Field, PositiveInt
 from pydantic_core import CoreSchema, ErrorDetails, core_schema
 
-from causalbench.core.discovery import settings as discovery_settings
-from causalbench.core.discovery.settings import DiscoverySettings
+from causalbench.core.discovery.discoverers import DISCOVERERS
+from causalbench.core.discovery.registry import Discoverer
+from causalbench.core.discovery.settings import PRESETS as DISCOVERY_PRESETS
+from causalbench.core.discovery.settings import SHARED, DiscoverySettings
 from causalbench.core.learners.ppo.settings import PPOSettings
 from causalbench.core.learners.sac.settings import SACSettings
 from causalbench.core.learners.settings import PRESETS, EvaluationSettings
@@ -23,9 +25,7 @@ from causalbench.suite.positions import Location, PositionedYaml
 TierName = Literal["smoke", "quick", "full"]
 TIERS: tuple[str, ...] = get_args(TierName)
 
-MAY_BE_ZERO = {"patience", "learning_starts", "sequence_length", "n_placebos", "oracle_states", "placebo_gate",
-               "sigma_train", "sigma_kl", "epsilon_cv", "epsilon_normalize", "epsilon_direct", "cooperation_weight",
-               "gae_lambda", "advantage_floor", "ent_coef", "vf_coef"}  # fmt: skip
+MAY_BE_ZERO = {"learning_starts", "cooperation_weight", "gae_lambda", "advantage_floor", "ent_coef", "vf_coef"}
 """Settings that may be 0; every other number in a settings record must be positive, but these:"""
 ANY_SIGN = {"log_std_init"}
 
@@ -53,7 +53,7 @@ class Patch:
         """The schema of every key."""
         fields = {
             name: core_schema.typed_dict_field(handler.generate_schema(_bounded(name, hint)), required=False)
-            for name, hint in get_type_hints(self.settings).items()
+            for name, hint in get_type_hints(self.settings, include_extras=True).items()
         }
         if self.presets:
             names = core_schema.literal_schema(list(self.presets))
@@ -104,6 +104,49 @@ class LearnerPatch:
         return tuple(name for name, patch in self.learners.items() if key == name or key in patch.keys)
 
 
+@dataclass(frozen=True)
+class DiscoveryPatch:
+    """Marks a `discovery` mapping: the settings that all discoverers share, and a section for each one's own."""
+
+    discoverers: Mapping[str, Discoverer] = dataclasses.field(hash=False)
+
+    @property
+    def sections(self) -> dict[str, Patch]:
+        """By name the own settings of every discoverer."""
+        return {name: Patch(row.settings) for name, row in self.discoverers.items()}
+
+    @property
+    def presets(self) -> tuple[str, ...]:
+        """Every preset that there is, of the shared settings or of a discoverer's own."""
+        own = (preset for row in self.discoverers.values() for preset in row.presets)
+        return tuple(dict.fromkeys([*DISCOVERY_PRESETS, *own]))
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Every key that the mapping may have."""
+        return ("preset", "discoverer", *SHARED, *self.discoverers)
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: pydantic.GetCoreSchemaHandler) -> CoreSchema:
+        """A typed dict, none of whose keys is required."""
+        fields = Patch(DiscoverySettings, dict.fromkeys(self.presets)).fields(handler)
+        del fields["options"]
+        for name, section in self.sections.items():
+            own = core_schema.typed_dict_schema(section.fields(handler), extra_behavior="forbid")
+            fields[name] = core_schema.typed_dict_field(own, required=False)
+        return core_schema.typed_dict_schema(fields, extra_behavior="forbid")
+
+    def resolve(self, patches: Iterable[Mapping[str, Any]]) -> DiscoverySettings:
+        """The settings after `patches`, the last one winning, key by key also in a section."""
+        shared: dict[str, Any] = {}
+        own: dict[str, dict[str, Any]] = {name: {} for name in self.discoverers}
+        for patch in patches:
+            shared |= {key: value for key, value in patch.items() if key not in own}
+            for name in own:
+                own[name] |= patch.get(name, {})
+        name = shared.get("discoverer", DiscoverySettings().discoverer)
+        return self.discoverers[name].configure(shared.pop("preset", "quick"), shared, own[name])
+
+
 def _bounded(name: str, hint: Any) -> Any:
     if hint not in (int, float) or name in ANY_SIGN:
         return hint
@@ -112,8 +155,12 @@ def _bounded(name: str, hint: Any) -> Any:
 
 LEARNER = LearnerPatch({"SAC": Patch(SACSettings, PRESETS["SAC"]), "PPO": Patch(PPOSettings, PRESETS["PPO"])})
 EVALUATION = Patch(EvaluationSettings)
-DISCOVERY = Patch(DiscoverySettings, discovery_settings.PRESETS)
-PATCHES: Mapping[str, Patch | LearnerPatch] = {"learner": LEARNER, "evaluation": EVALUATION, "discovery": DISCOVERY}
+DISCOVERY = DiscoveryPatch(DISCOVERERS)
+PATCHES: Mapping[str, Patch | LearnerPatch | DiscoveryPatch] = {
+    "learner": LEARNER,
+    "evaluation": EVALUATION,
+    "discovery": DISCOVERY,
+}
 
 
 class _Model(BaseModel):
@@ -217,8 +264,10 @@ def _presets(location: Location) -> tuple[str, ...]:
     return tuple((LEARNER.learners["SAC"] if isinstance(patch, LearnerPatch) else patch).presets) if patch else ()
 
 
-def _patch(location: Location) -> Patch | LearnerPatch | None:
+def _patch(location: Location) -> Patch | LearnerPatch | DiscoveryPatch | None:
     """What the mapping at `location` is checked against, None for one of the suite's own."""
+    if len(location) > 1 and location[-2] == "discovery":
+        return DISCOVERY.sections[str(location[-1])]
     if len(location) > 1 and location[-2] == "learner":
         return LEARNER.learners[str(location[-1])]
     return PATCHES.get(str(location[-1])) if location else None

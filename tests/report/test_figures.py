@@ -6,22 +6,24 @@ import xml.etree.ElementTree as ElementTree
 import numpy as np
 import pytest
 
-from causalbench.core.discovery.graph import CausalGraph, StageGraph, manual_graph
+from causalbench.core.discovery.graph import CausalGraph, EvidenceColumn, StageGraph, manual_graph
 from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench.report.figures import write_figures
 
 SVG = "{http://www.w3.org/2000/svg}"
 
 
-def discovered(human: CausalGraph, select, testable=lambda n: np.ones(n, dtype=bool)) -> CausalGraph:
+def discovered(
+    human: CausalGraph, select, testable=lambda n: np.ones(n, dtype=bool), log_range=(1e-4, 12.5)
+) -> CausalGraph:
     rng = np.random.default_rng(0)
     stages = []
     for stage in human.stages:
         kl = 10.0 ** rng.uniform(-6, 2, stage.matrix.shape)
         can = testable(len(stage.terms))
-        stages.append(dataclasses.replace(stage, matrix=select(kl), kl=kl, kl_reverse=kl, testable=can))
-    settings = {"settings": {"direction": "reverse", "sigma_kl": 0.2}}
-    return dataclasses.replace(human, origin="discovered", stages=tuple(stages), provenance=settings)
+        stages.append(dataclasses.replace(stage, matrix=select(kl), evidence={"kl": kl}, testable=can))
+    columns = (EvidenceColumn("kl", "nats", "divergence", main=True, log_range=log_range),)
+    return dataclasses.replace(human, origin="discovered", stages=tuple(stages), columns=columns)
 
 
 def long_names() -> CausalGraph:
@@ -34,6 +36,7 @@ GRAPHS = {
     "usual": discovered(manual_graph(TASK), lambda kl: kl > 1.0),
     "untestable": discovered(manual_graph(TASK), lambda kl: kl > 1.0, lambda n: np.arange(n) == 0),
     "nothing testable": discovered(long_names(), lambda kl: kl >= 0.0, lambda n: np.zeros(n, dtype=bool)),
+    "linear": discovered(manual_graph(TASK), lambda kl: kl > 1.0, log_range=None),
     "long names": discovered(long_names(), lambda kl: np.zeros_like(kl, dtype=bool)),
 }
 
@@ -50,9 +53,9 @@ def test_pictures_show_every_name_and_frame_what_is_selected(name, tmp_path):
     }
     names = {*graph.stages[0].actions, *(term for stage in graph.stages for term in stage.terms)}
     assert {p.name for p in (tmp_path / "figures").iterdir()} == {
-        f"{picture}.{kind}" for picture in ("kl", "matrix", "graph") for kind in ("svg", "png")
+        f"{picture}.{kind}" for picture in ("evidence", "matrix", "graph") for kind in ("svg", "png")
     }
-    for picture in ("kl", "matrix"):
+    for picture in ("evidence", "matrix"):
         root = ElementTree.parse(tmp_path / "figures" / f"{picture}.svg").getroot()
         assert names <= {text.text for text in root.iter(f"{SVG}text")}
         marked = [group.get("id") for group in root.iter(f"{SVG}g")]
@@ -70,6 +73,6 @@ def test_the_same_graph_gives_the_same_bytes(tmp_path):
         assert path.read_bytes() == (tmp_path / "two" / path.name).read_bytes()
 
 
-def test_a_graph_without_kl_has_no_heat_map(tmp_path):
+def test_a_graph_without_evidence_has_no_heat_map(tmp_path):
     write_figures(tmp_path / "figures", manual_graph(TASK), manual_graph(TASK))
     assert {p.stem for p in (tmp_path / "figures").iterdir()} == {"matrix", "graph"}

@@ -57,7 +57,7 @@ def test_a_finished_run_has_every_file_of_the_layout(finished_run: Path) -> None
     assert top == {*RESULT_FILES, "timing.csv", "environment.json", "suite.yaml", "cells", "discovery"}
     learner = {"cell.json", "status.json", "progress.csv", "counts.json", "log.txt", "policy"}
     assert [{p.name for p in cell.iterdir()} for cell in (finished_run / "cells").iterdir()] == [learner] * 2
-    discovery = {"cell.json", "status.json", "graph.json", "manual.json", "kl.csv", "log.txt", "figures", "data"}
+    discovery = {"cell.json", "status.json", "graph.json", "manual.json", "evidence.csv", "log.txt", "figures", "data"}
     discovery |= {"oracle.csv", "score.csv"}
     assert [{p.name for p in cell.iterdir()} for cell in (finished_run / "discovery").iterdir()] == [discovery]
 

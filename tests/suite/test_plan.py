@@ -71,7 +71,7 @@ def test_the_order_of_keys_and_lists_and_other_cells_do_not_change_an_id(tmp_pat
 def test_a_discovery_setting_changes_the_ids_of_the_learners_that_need_the_graph(
     tmp_path: Path, plugins: Plugins
 ) -> None:
-    before, after = plan(tmp_path, plugins), plan(tmp_path, plugins, SUITE + "discovery: {patience: 4}\n")
+    before, after = plan(tmp_path, plugins), plan(tmp_path, plugins, SUITE + "discovery: {kl: {patience: 4}}\n")
     changed = {cell.id.rsplit("-", 2)[0] for cell in before.cells if cell.id not in ids(after)}
     assert changed == {"pure_manipulation-kinematic", "pure_manipulation-kinematic-cmSAC"}
 

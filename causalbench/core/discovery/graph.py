@@ -16,35 +16,43 @@ from numpy.typing import NDArray
 from causalbench.core.tasks.task import Task
 from causalbench.errors import InvalidGraphError
 
-SCHEMA = 3
+SCHEMA = 4
+
+
+@dataclass(frozen=True)
+class EvidenceColumn:
+    """One number that a discoverer decides by, or that explains its decision.
+
+    `unit` may be ""; `sentence` says what the number is. `per` says of what there is one: of an edge, an array
+    (n_actions, n_terms); of a term, an array (n_terms,); "stage" stands for an array of any shape, which the graph
+    keeps and no table shows. The `main` column, one per edge, is what pictures and the terminal show; its colours go
+    logarithmically from the first to the second number of `log_range`, without one linearly over what there is.
+    """
+
+    name: str
+    unit: str
+    sentence: str
+    per: Literal["edge", "term", "stage"] = "edge"
+    main: bool = False
+    log_range: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
 class StageGraph:
     """The matrix of one stage and the numbers behind it; rows are actions, columns are reward terms.
 
-    `kl` is KL(P1||P2), `kl_reverse` KL(P2||P1), P1 = p(r | s, do(a_k = 0)) and P2 = p(r | s, random a_k);
-    `kl_symmetric` their mean; all in nats, `null_kl` holds the placebos' in the direction used and
-    `q_value` what they say of each edge (`calibration.q_values`).
-    `cv` and `kl_normalised` are those of Algorithm 2. They are the discoverer `kl`'s; `evidence` holds the tables by
-    which another one decided, named as its documentation says. A term whose reward never varied is untestable: its
-    column is taken from the task's declared graph. `sufficient` names the causes that a policy is built on, where a
-    discoverer found that fewer than all do. `notes` says in sentences what did not go as planned.
+    `evidence` holds what the discoverer decided by, as `CausalGraph.columns` describes it; it is empty where nothing
+    could be decided. A term whose reward never varied is untestable: its column is that of the task's declared graph.
+    `sufficient` names the causes that a policy is built on, where a discoverer found that fewer than all do. `notes`
+    says in sentences what did not go as planned.
     """
 
     stage: int
     actions: tuple[str, ...]
     terms: tuple[str, ...]
     matrix: NDArray[np.bool_]  # (n_actions, n_terms)
-    kl: NDArray[np.float64] | None = None  # (n_actions, n_terms), like the four that follow
-    kl_reverse: NDArray[np.float64] | None = None
-    kl_symmetric: NDArray[np.float64] | None = None
-    kl_normalised: NDArray[np.float64] | None = None
-    q_value: NDArray[np.float64] | None = None
-    null_kl: NDArray[np.float64] | None = None  # (n_nulls, n_terms)
-    cv: NDArray[np.float64] | None = None  # (n_terms,), like the one that follows
-    testable: NDArray[np.bool_] | None = None
-    evidence: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)  # each (n_actions, n_terms)
+    testable: NDArray[np.bool_] | None = None  # (n_terms,); None: all
+    evidence: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
     sufficient: tuple[str, ...] | None = None  # None: all causes
     notes: tuple[str, ...] = ()
 
@@ -61,6 +69,7 @@ class StageGraph:
 class CausalGraph:
     """One `StageGraph` per stage. `provenance` holds settings, seed, data hash and versions.
 
+    `columns` describes the evidence of the stages, in the order of tables.
     `env_steps` counts every environment step that discovery took; 0 for a declared graph. `oracle` is empty, or how the
     graph stands against the truth (`score.with_score`): ground truth, so its env steps are no cost of discovery.
     """
@@ -72,6 +81,7 @@ class CausalGraph:
     env_steps: int = 0
     provenance: Mapping[str, Any] = field(default_factory=dict)
     oracle: Mapping[str, Any] = field(default_factory=dict)
+    columns: tuple[EvidenceColumn, ...] = ()
 
     @property
     def hash(self) -> str:
@@ -85,6 +95,20 @@ class CausalGraph:
         """JSON text whose `hash` key is that of the rest."""
         return _canonical(self._content() | {"hash": self.hash}, indent=1)
 
+    @property
+    def main_column(self) -> EvidenceColumn | None:
+        """The column that pictures and the terminal show; None if the discoverer named none."""
+        return next((column for column in self.columns if column.main), None)
+
+    @classmethod
+    def load(cls, path: Path) -> CausalGraph:
+        """The graph in the file `path`; raises as `from_json`, and `InvalidGraphError` when it cannot be read."""
+        try:
+            text = path.read_text(encoding="utf-8")
+        except OSError as error:
+            raise InvalidGraphError(f"{path}: cannot be read ({error.strerror}); run `causalbench discover`") from error
+        return cls.from_json(text, path)
+
     @classmethod
     def from_json(cls, text: str, source: Path | str = "causal graph") -> CausalGraph:
         """The graph in `text`. Raises `InvalidGraphError` when it is none or its hash does not match its content."""
@@ -94,6 +118,7 @@ class CausalGraph:
             if data.pop("schema") != SCHEMA:
                 raise InvalidGraphError(f"{source}: made by another version of causalbench; run discovery again")
             data["stages"] = tuple(_stage_graph(stage) for stage in data["stages"])
+            data["columns"] = tuple(map(_column, data["columns"]))
             graph = cls(**data)
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise InvalidGraphError(f"{source}: not a causal graph ({error!r}); run `causalbench discover`") from error
@@ -136,12 +161,6 @@ class CausalGraph:
                 )
 
 
-def used_kl(graph: CausalGraph, stage: int) -> NDArray[np.float64]:
-    """(n_actions, n_terms) KL of one stage in the direction that Algorithm 2 saw."""
-    name = {"forward": "kl", "reverse": "kl_reverse", "symmetric": "kl_symmetric"}
-    return np.asarray(getattr(graph.stages[stage - 1], name[graph.provenance["settings"]["direction"]]))
-
-
 def manual_graph(task: Task) -> CausalGraph:
     """The human's graph, declared by the task."""
     return CausalGraph(
@@ -167,6 +186,10 @@ def _stage_graph(data: dict[str, Any]) -> StageGraph:
     arrays = {k: np.array(v) for k, v in data.items() if isinstance(v, list) and k not in names}
     evidence = {k: np.array(v) for k, v in data["evidence"].items()}
     return StageGraph(**(data | arrays | names | {"evidence": evidence}))
+
+
+def _column(data: dict[str, Any]) -> EvidenceColumn:
+    return EvidenceColumn(**(data | {"log_range": data["log_range"] and tuple(data["log_range"])}))
 
 
 def _canonical(content: Any, indent: int | None = None) -> str:

@@ -8,15 +8,17 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from importlib.metadata import version
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from causalbench._version import __version__
+from causalbench.core.discovery.discoverers import DISCOVERERS
 from causalbench.core.discovery.graph import CausalGraph, StageGraph, declared_matrix
-from causalbench.core.discovery.methods.kl.placebos import calibrate
-from causalbench.core.discovery.registry import DISCOVERERS, Discoverer
-from causalbench.core.discovery.samples.collect import Samples, StageSamples
+from causalbench.core.discovery.registry import Discoverer
 from causalbench.core.discovery.samples.collection import Collection, Origin, Recipe, SampleStore, Stream
+from causalbench.core.discovery.samples.transitions import Samples, StageSamples
 from causalbench.core.discovery.settings import DiscoverySettings
 from causalbench.core.tasks.task import Task
 from causalbench.core.world.layout import Layout
@@ -129,6 +131,10 @@ class _Problem:
         return self.recipe.settings
 
     @property
+    def options(self) -> Any:
+        return self.recipe.settings.options
+
+    @property
     def seed(self) -> int:
         return self.recipe.seed
 
@@ -163,7 +169,8 @@ def _discover(
     if settings.discoverer not in discoverers:
         raise UnknownNameError("discoverer", settings.discoverer, discoverers)
     discoverer = discoverers[settings.discoverer]
-    recipe = replace(recipe, reads=discoverer.reads)
+    settings = discoverer.complete(settings)
+    recipe = replace(recipe, settings=settings, reads=discoverer.reads)
     board = _Board(task.n_stages, on_progress)
     collection = Collection(recipe, cores, board.on_collected)
     graphs, digests = [], []
@@ -175,21 +182,25 @@ def _discover(
             digests += [samples.digest() for samples in (*problem.kept, problem.collected) if samples]
     finally:
         collection.close()
-    graph = CausalGraph(
+    return CausalGraph(
         task=task.name,
         task_version=task.version,
         origin="discovered",
-        stages=tuple(graphs),
+        stages=tuple(discoverer.finish(graphs, settings) if discoverer.finish else graphs),
+        columns=discoverer.evidence,
         env_steps=sum(collection.env_steps.values()) + (scene.steps if scene else 0),
         provenance={
             **asdict(recipe.origin),
             "seed": recipe.seed,
             "settings": asdict(settings),
             "data_sha256": hashlib.sha256("".join(digests).encode()).hexdigest(),
-            "versions": {"python": sys.version.split()[0], **{name: version(name) for name in ("numpy", "torch")}},
+            "versions": {
+                "causalbench": __version__,
+                "python": sys.version.split()[0],
+                **{name: version(name) for name in ("numpy", "scipy", "torch")},
+            },
         },
     )
-    return calibrate(graph)
 
 
 def _decide(discoverer: Discoverer, problem: _Problem) -> StageGraph:

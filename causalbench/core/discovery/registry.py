@@ -1,21 +1,22 @@
-"""What a discovery method is: a function from one stage's problem to its graph. The table holds the built-in ones.
+"""What a discovery method is: a function from one stage's problem to its graph, with settings and evidence of its own.
 
-A plugin adds a row through `causalbench_discoverers`; `DiscoverySettings.discoverer` chooses one by name.
+Built-in and a stranger's are registered alike, through `causalbench_discoverers`; the setting `discoverer` chooses one
+by its name.
 """
 
 from __future__ import annotations
 
-import importlib
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, Protocol, get_args
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import TYPE_CHECKING, Any, Literal, Protocol, get_args
 
-from causalbench.core.discovery.graph import StageGraph
-from causalbench.core.discovery.settings import DiscoverySettings
+from causalbench.core.discovery.graph import EvidenceColumn, StageGraph
+from causalbench.core.discovery.settings import PRESETS, SHARED, DiscoverySettings, NoSettings
 from causalbench.core.tasks.task import Task
+from causalbench.errors import UnknownNameError, UserError
 
-if TYPE_CHECKING:  # importing Gymnasium loads this table, which thus must not need Gymnasium
-    from causalbench.core.discovery.samples.collect import Samples, StageSamples
+if TYPE_CHECKING:  # importing Gymnasium loads this module, which thus must not need Gymnasium
+    from causalbench.core.discovery.samples.transitions import Samples, StageSamples
     from causalbench.core.world.scene import Scene
 
 
@@ -40,7 +41,11 @@ class StageProblem(Protocol):
 
     @property
     def settings(self) -> DiscoverySettings:
-        """All settings of this discovery."""
+        """The settings that all discoverers share."""
+
+    @property
+    def options(self) -> Any:
+        """The discoverer's own settings: a record of the type that it registered."""
 
     @property
     def seed(self) -> int:
@@ -66,44 +71,60 @@ class StageProblem(Protocol):
 class Discoverer:
     """What `causalbench_discoverers` registers.
 
-    `discover_stage` returns the graph of one stage; it raises `UndecidedStageError` when the data do not allow one.
-    It imports heavy libraries when called, never before. `modules` are the optional imports that it needs and `extra`
-    the pip requirement that installs them; `about` is a line for people. `reads` names the sets of Algorithm 1 that its
-    samples have: others cost no environment step.
+    `discover_stage` returns the graph of one stage; it raises `UndecidedStageError` when the data do not allow one. It
+    imports heavy libraries when called, never before. `about` is a line for people. `settings` is a frozen dataclass,
+    every field with a default: its fields are the keys of the section `NAME:` in a suite's `discovery:`; bounds are
+    `Annotated` metadata of annotated-types. `presets` are records of it by name. `evidence` describes the arrays that
+    its graphs carry. `reads` names the sets of Algorithm 1 that its samples have: others cost no environment step.
+    `finish`, if any, is given the graphs of all stages and the settings, for what can be decided only of all together.
+    `modules` are the optional imports that it needs and `extra` the pip requirement that installs them.
     """
 
     name: str
     discover_stage: Callable[[StageProblem], StageGraph]
     about: str
+    settings: type[Any] = NoSettings
+    presets: Mapping[str, Any] = field(default_factory=dict)
+    evidence: tuple[EvidenceColumn, ...] = ()
+    reads: frozenset[SampleSet] = SAMPLE_SETS
+    finish: Callable[[Sequence[StageGraph], DiscoverySettings], Sequence[StageGraph]] | None = None
     modules: tuple[str, ...] = ()
     extra: str = ""
-    reads: frozenset[SampleSet] = SAMPLE_SETS
 
+    @property
+    def option_names(self) -> tuple[str, ...]:
+        """The names of its own settings."""
+        return tuple(f.name for f in fields(self.settings))
 
-def _from(module: str, function: str = "discover_stage") -> Callable[[StageProblem], StageGraph]:
-    """A function of a module beside this one, imported when it is called."""
+    def configure(
+        self, preset: str = "quick", shared: Mapping[str, Any] | None = None, own: Mapping[str, Any] | None = None
+    ) -> DiscoverySettings:
+        """Complete settings: those of `preset`, with some of the `shared` and of its `own` replaced by name.
 
-    def discover_stage(problem: StageProblem) -> StageGraph:
-        found = getattr(importlib.import_module(f"causalbench.core.discovery.methods.{module}"), function)
-        graph: StageGraph = found(problem)
-        return graph
+        A preset is taken from the shared ones and from the discoverer's own; where one of the two has none of that
+        name, its defaults stand. Raises `UnknownNameError` for a preset that neither has or a setting of another name.
+        """
+        if preset not in PRESETS and preset not in self.presets:
+            raise UnknownNameError("preset", preset, {*PRESETS, *self.presets})
+        for name in own or ():
+            if name not in self.option_names:
+                raise UnknownNameError(f"setting of discoverer {self.name!r}", name, (*SHARED, *self.option_names))
+        options = replace(self.presets.get(preset, self.settings()), **dict(own or {}))
+        changed = {"discoverer": self.name, "options": options} | dict(shared or {})
+        return replace(PRESETS.get(preset, DiscoverySettings()), **changed)
 
-    return discover_stage
+    def complete(self, settings: DiscoverySettings) -> DiscoverySettings:
+        """The settings with its own defaults where they have no `options`. Raises `UserError` for another's record."""
+        if settings.options is None:
+            return replace(settings, options=self.settings())
+        if not isinstance(settings.options, self.settings):
+            raise UserError(
+                f"discoverer {self.name!r} takes {self.settings.__name__} as options, "
+                f"got {type(settings.options).__name__}"
+            )
+        return settings
 
 
 RANDOM: frozenset[SampleSet] = frozenset(("random",))
 OBSERVED: frozenset[SampleSet] = frozenset(("random", "inference"))
-CAUSAL_LEARN = (("causallearn",), "causalbench-robotics[causal-learn]")
-
-DISCOVERERS: Mapping[str, Discoverer] = {
-    row.name: row
-    for row in (
-        Discoverer("kl", _from("kl.method"), "KL of reward models with and without the action (the paper)"),
-        Discoverer("paired", _from("paired"), "effect sizes from paired interventions, until each edge is decided"),
-        Discoverer("sufficient", _from("sufficient"), "as paired, then as few of the causes as finish the stage"),
-        Discoverer("permutation", _from("permutation"), "permutation test on paired interventions"),
-        Discoverer("cmi", _from("cmi"), "conditional mutual information (CausalMoMa)", reads=OBSERVED),
-        Discoverer("fisher_z", _from("independence", "by_fisher_z"), "partial correlation", *CAUSAL_LEARN, RANDOM),
-        Discoverer("kci", _from("independence", "by_kci"), "kernel independence test", *CAUSAL_LEARN, RANDOM),
-    )
-}
+NO_SAMPLES: frozenset[SampleSet] = frozenset()

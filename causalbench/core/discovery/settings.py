@@ -1,66 +1,42 @@
-"""Every number that causal discovery needs, with the paper's values beside ours."""
+"""Settings of a discovery that every discoverer shares; what belongs to one of them stands in its own record."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Literal, get_args
+from dataclasses import dataclass, fields
+from typing import Annotated, Any, Literal
 
-from causalbench.errors import UserError
+from annotated_types import Ge, Gt
 
-Selection = Literal["paper", "fdr"]
-SELECTIONS: tuple[str, ...] = get_args(Selection)
+
+@dataclass(frozen=True)
+class NoSettings:
+    """The record of a discoverer that has no settings of its own."""
 
 
 @dataclass(frozen=True)
 class DiscoverySettings:
-    """Settings of Algorithms 1 and 2. The defaults are ours (see docs/discovery.md); `PRESETS["paper"]` the paper's."""
+    """Which discoverer, on how much data of what kind. The defaults are ours, `PRESETS["paper"]` the paper's.
+
+    `options` is the record that the discoverer registered as its `settings`; None stands for that record's defaults.
+    """
 
     discoverer: str = "kl"  # name of a registered method; "kl" is the paper's
-    training_count: int = 3_000  # samples in D_random and in each D_do[a_k], per stage
-    inference_fraction: float = 0.2  # size of D_inference relative to training_count
-    sequence_length: int = 10  # steps before the scene is reset into the stage; never a function of sample count
-    action_repeat: int = 1  # control steps for which an action is held while its effect is watched; each one counts
-    batch_size: int = 256
-    learning_rate: float = 2e-3
-    max_epochs: int = 40
-    patience: int = 3  # epochs without a better held-out likelihood before training stops; 0 never stops early
-    sigma_train: float = 0.01  # least sigma while training, in deviations of the term
-    sigma_kl: float = 0.2  # sigma floor when KL is computed, in deviations of the term
-    direction: Literal["forward", "reverse", "symmetric"] = "reverse"  # KL(P1||P2), KL(P2||P1), their mean
-    epsilon_cv: float = 1.0
-    epsilon_normalize: float = 0.1
-    epsilon_direct: float = 0.01
-    n_placebos: int = 8  # action dimensions that no scene sees, probed like actions; 0 is the literal reading
-    placebo_sets: int = 5  # data sets, with models of their own, in each of which every placebo is probed
+    training_count: Annotated[int, Gt(0)] = 3_000  # samples in D_random and in each D_do[a_k], per stage
+    inference_fraction: Annotated[float, Gt(0)] = 0.2  # size of D_inference relative to training_count
+    sequence_length: Annotated[int, Gt(0)] = 10  # actions until the stage is entered anew; no function of sample count
+    action_repeat: Annotated[int, Gt(0)] = 1  # control steps for which an action is held; each one counts
     observation: Literal["state", "paper"] = "state"  # "paper": reward models see the image or the LiDAR, too
-    select: Selection = "paper"  # Algorithm 2 with the gate below, or the placebos' distribution alone
-    fdr: float = 0.05  # share of wrong edges among the selected ones that `select: fdr` allows
-    oracle_states: int = 0  # visited states per stage by which an oracle grades and scores the graph; 0: no oracle
-    placebo_gate: float = 3.0  # an action counts only if its KL exceeds this times the largest placebo's
-    paired_env_steps: int = 1_250  # most control steps that `paired` takes in one stage
-    permutation_states: int = 100  # states of one stage in which `permutation` compares actions
-    level: float = 0.05  # of `permutation`, `fisher_z` and `kci`: chance of any false edge in a stage
-    cmi_threshold: float = 0.02  # nats
-    kci_samples: int = 1_000  # most samples that `kci` uses, since its cost is cubic
-
-    def __post_init__(self) -> None:
-        if self.select == "fdr" and self.discoverer != "kl":
-            raise UserError(f"discovery: `select: fdr` is for the discoverer 'kl', not {self.discoverer!r}")
-        if self.select == "fdr" and not self.n_placebos:
-            raise UserError("discovery: `select: fdr` learns its cut from placebos; set n_placebos to at least 1")
+    n_placebos: Annotated[int, Ge(0)] = 8  # action dimensions that no world sees, probed like actions; 0: literal
+    oracle_states: Annotated[int, Ge(0)] = 0  # visited states per stage by which an oracle grades the graph; 0: none
+    options: Any = None
 
 
-PAPER = DiscoverySettings(
-    training_count=5_000,
-    batch_size=32,
-    learning_rate=5e-4,
-    max_epochs=100,
-    patience=0,
-    n_placebos=0,
-)
+SHARED = tuple(field.name for field in fields(DiscoverySettings) if field.name not in ("discoverer", "options"))
+"""The names of the settings that any discoverer has."""
+
 PRESETS = {
     "quick": DiscoverySettings(),
-    "paper": PAPER,  # pure manipulation
-    "paper_mobile": replace(PAPER, training_count=10_000, max_epochs=500),
+    "paper": DiscoverySettings(training_count=5_000, n_placebos=0),  # pure manipulation
+    "paper_large": DiscoverySettings(training_count=10_000, n_placebos=0),  # mobile manipulation
 }
-"""Named starting points; the paper's keep its data sizes and optimisation (appendix, hyperparameter setting)."""
+"""Named starting points; a discoverer may have presets of the same names for its own record. The paper's data sizes."""

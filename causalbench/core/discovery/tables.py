@@ -1,4 +1,4 @@
-"""A causal graph as tables: the paper's wide Table I and II, and one long row per (stage, reward, action)."""
+"""A causal graph as tables: one long row per (stage, reward, action)."""
 
 from __future__ import annotations
 
@@ -6,40 +6,15 @@ from collections.abc import Sequence
 
 import pandas as pd
 
-from causalbench.core.discovery.graph import CausalGraph, used_kl
+from causalbench.core.discovery.edges import EDGE, edge_rows, evidence_columns
+from causalbench.core.discovery.graph import CausalGraph
 from causalbench.core.discovery.truth.oracle import StageTruth
 from causalbench.core.discovery.truth.score import score_rows
 
 
-def kl_table(graph: CausalGraph) -> pd.DataFrame:
-    """One row per (stage, reward): KL of each action in the direction used, cv, then the normalised values.
-
-    Empty for a graph that another discoverer than `kl` made.
-    """
-    rows = []
-    for stage in graph.stages:
-        if stage.kl is None:  # nothing could be decided there
-            continue
-        kl = used_kl(graph, stage.stage)
-        for j, term in enumerate(stage.terms):
-            row: dict[str, object] = {"stage": stage.stage, "reward": term}
-            row |= dict(zip(stage.actions, kl[:, j], strict=True)) | {"cv": stage.cv[j]}  # type: ignore[index]
-            row |= {f"{a}_n": v for a, v in zip(stage.actions, stage.kl_normalised[:, j], strict=True)}  # type: ignore[index]
-            rows.append(row)
-    return pd.DataFrame(rows)
-
-
 def evidence_table(graph: CausalGraph) -> pd.DataFrame:
-    """One row per (stage, reward, action): what a discoverer other than `kl` decided by, and its decision."""
-    rows = [
-        {"stage": stage.stage, "reward": term, "action": action}
-        | {name: values[k, j] for name, values in stage.evidence.items()}
-        | {"selected": bool(stage.matrix[k, j])}
-        for stage in graph.stages
-        for j, term in enumerate(stage.terms)
-        for k, action in enumerate(stage.actions)
-    ]
-    return pd.DataFrame(rows)
+    """`edge_rows` as a frame."""
+    return pd.DataFrame(edge_rows(graph), columns=[*EDGE, *evidence_columns(graph)])
 
 
 def oracle_table(graph: CausalGraph, truth: Sequence[StageTruth]) -> pd.DataFrame:

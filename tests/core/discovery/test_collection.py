@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 from toy import make_toy, toy_task
 
+from causalbench.core.discovery.methods.kl.settings import KLSettings
 from causalbench.core.discovery.pipeline import discover, discover_from_samples
 from causalbench.core.discovery.settings import DiscoverySettings
 from causalbench.core.kinematic import make
@@ -17,7 +18,7 @@ from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench.errors import InvalidGraphError
 from causalbench.store.samples import SampleFolder
 
-TINY = DiscoverySettings(training_count=64, max_epochs=1)
+TINY = DiscoverySettings(training_count=64, options=KLSettings(max_epochs=1))
 
 
 def _quiet(share, doing):
@@ -132,7 +133,9 @@ def _rewards(previous, action, now):
 
 
 def _graph(task, count=200):
-    return discover(task, make_toy, DiscoverySettings(training_count=count, max_epochs=2), 0, _quiet)
+    return discover(
+        task, make_toy, DiscoverySettings(training_count=count, options=KLSettings(max_epochs=2)), 0, _quiet
+    )
 
 
 def test_a_stage_that_is_never_reached_is_not_discovered_and_no_policy_is_built_on_that():
@@ -182,7 +185,7 @@ def test_steps_that_are_not_finite_are_left_out_and_counted(broken, decided):
     assert stage.testable.any() == decided
     if decided:
         assert graph.env_steps > 1.15 * 5.2 * 200  # those that were left out count
-        assert np.isfinite(stage.kl).all()
+        assert np.isfinite(stage.evidence["kl"]).all()
     else:
         assert "of 200 samples in 'random'" in stage.notes[0]
         assert "steps were not finite" in stage.notes[0]
@@ -196,7 +199,7 @@ def test_a_state_that_is_not_finite_ends_its_sequence():
 
     (stage,) = _graph(dataclasses.replace(task, observe=observe)).stages
     assert stage.testable.all()
-    assert np.isfinite(stage.kl).all()
+    assert np.isfinite(stage.evidence["kl"]).all()
 
 
 def test_fewer_samples_than_asked_for_are_noted():
@@ -217,8 +220,9 @@ def test_fewer_samples_than_asked_for_are_noted():
 def test_the_calibrated_cut_needs_no_simulator(collected):
     graph, folder = collected
     store = SampleFolder(folder)
-    fdr = dataclasses.replace(TINY, select="fdr", fdr=0.3)
+    fdr = dataclasses.replace(TINY, options=KLSettings(max_epochs=1, select="fdr", fdr=0.3))
     found = discover_from_samples(TASK, store, store.origin()[0], fdr, 3, _quiet)
     for stage, same_fit in zip(found.stages, graph.stages, strict=True):
-        np.testing.assert_array_equal(stage.kl, same_fit.kl)
-        np.testing.assert_array_equal(stage.matrix[:, stage.testable], (stage.q_value <= 0.3)[:, stage.testable])
+        np.testing.assert_array_equal(stage.evidence["kl"], same_fit.evidence["kl"])
+        few = stage.evidence["q_value"] <= 0.3
+        np.testing.assert_array_equal(stage.matrix[:, stage.testable], few[:, stage.testable])

@@ -9,10 +9,11 @@ import pytest
 from toy import make_noisy_toy, make_toy, toy_task
 from truth import TRUTH
 
+from causalbench.core.discovery.discoverers import DISCOVERERS
 from causalbench.core.discovery.methods.independence import independent_columns
+from causalbench.core.discovery.methods.paired import PairedSettings
 from causalbench.core.discovery.methods.permutation import sign_flip_p_values
 from causalbench.core.discovery.pipeline import CountingScene, discover, discover_from_samples
-from causalbench.core.discovery.registry import DISCOVERERS
 from causalbench.core.discovery.settings import DiscoverySettings
 from causalbench.core.discovery.truth.counterfactual import Walk
 from causalbench.core.kinematic import make
@@ -21,7 +22,12 @@ from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench.errors import UnknownNameError
 from causalbench.store.samples import SampleFolder
 
-SMALL = DiscoverySettings(training_count=1500, max_epochs=12, kci_samples=300)
+SMALL = DiscoverySettings(training_count=1500)
+OWN = {
+    "kl": {"max_epochs": 12},
+    "cmi": {"max_epochs": 40},  # its threshold is in nats: an unfinished fit is off by more
+    "kci": {"samples": 300},
+}
 PAIRED = ("paired", "sufficient", "permutation")
 
 
@@ -30,8 +36,8 @@ def _quiet(share, doing):
 
 
 def _graph(name, task, make_scene=make_toy, seed=0):
-    epochs = 40 if name == "cmi" else SMALL.max_epochs  # its threshold is in nats: an unfinished fit is off by more
-    return discover(task, make_scene, dataclasses.replace(SMALL, discoverer=name, max_epochs=epochs), seed, _quiet)
+    options = DISCOVERERS[name].settings(**OWN.get(name, {})) if name in DISCOVERERS else None
+    return discover(task, make_scene, dataclasses.replace(SMALL, discoverer=name, options=options), seed, _quiet)
 
 
 def _planted(previous, action, now):
@@ -65,7 +71,8 @@ def test_recovers_a_planted_graph(name):
     ],
 )
 def test_only_what_a_discoverer_reads_costs_steps(name, sets, tmp_path):
-    settings = DiscoverySettings(discoverer=name, training_count=160, max_epochs=2)
+    own = {"max_epochs": 2} if name in ("kl", "cmi") else {}
+    settings = DISCOVERERS[name].configure("quick", {"training_count": 160}, own)
     task, store = toy_task(_planted, 2), SampleFolder(tmp_path)
     graph = discover(task, make_toy, settings, 0, _quiet, store=store)
     assert graph.env_steps == sum(sets.values())
@@ -87,7 +94,8 @@ def test_rounding_is_no_effect():
 @pytest.mark.parametrize("name", PAIRED)
 def test_pairs_are_taken_where_the_environment_scans(name):
     """Mobile manipulation observes a LiDAR; its first stage is decided by driving alone (closed form of the base)."""
-    settings = dataclasses.replace(SMALL, discoverer=name, paired_env_steps=400, permutation_states=40)
+    own = {"states": 40} if name == "permutation" else {"max_actions": 400}
+    settings = DISCOVERERS[name].configure("quick", {}, own)
     graph = discover(MOBILE, partial(make, mobile=True), settings, 0, _quiet)
     assert graph.stages[0].causal_actions()[0] == "forward"
     assert not graph.stages[0].matrix[2:, 0].any()  # the arm does not move the base
@@ -95,7 +103,7 @@ def test_pairs_are_taken_where_the_environment_scans(name):
 
 @pytest.mark.parametrize(("action_repeat", "found"), [(1, ("forward",)), (5, ("forward", "turn"))])
 def test_a_turn_brings_a_base_nearer_only_if_it_is_held_while_it_drives(action_repeat, found):
-    settings = DiscoverySettings(discoverer="paired", action_repeat=action_repeat, paired_env_steps=900 * action_repeat)
+    settings = DISCOVERERS["paired"].configure("quick", {"action_repeat": action_repeat}, {"max_actions": 900})
     scenes = []
 
     def counting():
@@ -104,7 +112,7 @@ def test_a_turn_brings_a_base_nearer_only_if_it_is_held_while_it_drives(action_r
 
     graph = discover(MOBILE, counting, settings, 0, _quiet)
     assert graph.stages[0].causal_actions() == found
-    assert graph.env_steps == sum(scene.steps for scene in scenes) <= MOBILE.n_stages * settings.paired_env_steps
+    assert graph.env_steps == sum(scene.steps for scene in scenes) <= MOBILE.n_stages * 900 * action_repeat
 
 
 @pytest.mark.parametrize("name", PAIRED)
@@ -142,12 +150,12 @@ def test_paired_finds_the_closed_form_truth_within_its_budget(seed):
         for g in graph.stages
     }
     assert found == TRUTH
-    assert graph.env_steps == sum(scene.steps for scene in scenes) <= 4 * settings.paired_env_steps
+    assert graph.env_steps == sum(scene.steps for scene in scenes) <= 4 * PairedSettings().max_actions
 
 
 def test_paired_says_what_it_could_not_decide():
     rare = toy_task(lambda p, a, n: np.where(p.eef_position[..., 0] > 0.99, a[..., 0], 0.0)[..., None], 1)
-    settings = DiscoverySettings(discoverer="paired", paired_env_steps=60)
+    settings = DiscoverySettings(discoverer="paired", options=PairedSettings(max_actions=60))
     (stage,) = discover(rare, make_toy, settings, 0, _quiet).stages
     assert any("was not decided within the budget" in n or "never varied" in n for n in stage.notes)
 

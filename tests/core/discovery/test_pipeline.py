@@ -9,13 +9,15 @@ import torch
 from toy import make_toy, toy_task
 from truth import TRUTH
 
+from causalbench.core.discovery.discoverers import DISCOVERERS
 from causalbench.core.discovery.graph import CausalGraph, manual_graph
-from causalbench.core.discovery.methods.kl import reward_model
 from causalbench.core.discovery.methods.kl.divergence import divergence, gaussian_kl
+from causalbench.core.discovery.methods.kl.settings import KLSettings
 from causalbench.core.discovery.pipeline import discover
+from causalbench.core.discovery.reward_model import models as reward_model
 from causalbench.core.discovery.samples.collect import collect
-from causalbench.core.discovery.settings import PRESETS, DiscoverySettings
-from causalbench.core.discovery.tables import kl_table
+from causalbench.core.discovery.settings import DiscoverySettings
+from causalbench.core.discovery.tables import evidence_table
 from causalbench.core.kinematic import make
 from causalbench.core.kinematic.worlds import KinematicScene
 from causalbench.core.staged.env import StageTaskEnv
@@ -23,7 +25,7 @@ from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench.core.tasks.stages import judge
 from causalbench.errors import InvalidGraphError
 
-SMALL = DiscoverySettings(training_count=1500, max_epochs=12)
+SMALL = DiscoverySettings(training_count=1500, options=KLSettings(max_epochs=12))
 
 
 def _quiet(share, doing):
@@ -64,7 +66,7 @@ def test_a_reward_that_never_varies_is_untestable_and_takes_the_declared_row():
 
 def test_the_graph_is_a_function_of_the_seed():
     task = toy_task(_planted, 3)
-    small = dataclasses.replace(SMALL, training_count=200, max_epochs=2)
+    small = dataclasses.replace(SMALL, training_count=200, options=KLSettings(max_epochs=2))
     first, again, other = (discover(task, make_toy, small, seed, _quiet).hash for seed in (3, 3, 4))
     assert first == again
     assert first != other
@@ -146,18 +148,19 @@ def test_collect_keeps_the_step_that_leaves_the_stage():
     assert ((after < 0.012) | (after > 0.15)).any()
 
 
-def test_tables_have_the_papers_columns():
-    small = dataclasses.replace(SMALL, training_count=60, max_epochs=1)
+def test_the_evidence_has_one_row_per_edge_in_the_order_of_the_task():
+    small = dataclasses.replace(SMALL, training_count=60, options=KLSettings(max_epochs=1))
     graph = discover(TASK, make, small, 0, _quiet)
-    wide = kl_table(graph)
-    actions = list(TASK.actions)
-    assert list(wide.columns) == ["stage", "reward", *actions, "cv", *(f"{a}_n" for a in actions)]
-    assert list(zip(wide.stage, wide.reward, strict=True)) == [
-        *((1, r) for r in ("r_eefx", "r_eefy", "r_eefz1", "r_gripper")),
-        *((2, r) for r in ("r_ori", "r_gripper")),
-        *((3, r) for r in ("r_eefz2", "r_gripper")),
-        (4, "r_gripper"),
+    table = evidence_table(graph)
+    assert list(table.columns) == [
+        *("stage", "reward", "action", "selected", "in_policy", "kl", "kl_forward", "kl_reverse", "kl_symmetric"),
+        *("kl_normalised", "q_value", "cv"),
     ]
+    edges = [(g.stage, term, action) for g in graph.stages for term in g.terms for action in g.actions]
+    assert list(zip(table.stage, table.reward, table.action, strict=True)) == edges
+    third = table[(table.stage == 3) & (table.reward == "r_gripper")]
+    np.testing.assert_array_equal(third.kl, graph.stages[2].evidence["kl"][:, 1])
+    np.testing.assert_array_equal(third.cv, graph.stages[2].evidence["cv"][[1] * 7])
 
 
 def test_graph_round_trip_and_refusals(tmp_path):
@@ -179,12 +182,14 @@ def test_graph_round_trip_and_refusals(tmp_path):
         dataclasses.replace(graph, stages=(renamed, *graph.stages[1:])).check(TASK)
 
 
-def test_paper_preset_has_the_papers_numbers():
-    paper = PRESETS["paper"]
-    assert (paper.training_count, paper.batch_size, paper.learning_rate, paper.max_epochs) == (5000, 32, 5e-4, 100)
-    mobile = PRESETS["paper_mobile"]
-    assert mobile == dataclasses.replace(paper, training_count=10_000, max_epochs=500)
-    assert (paper.epsilon_cv, paper.epsilon_normalize, paper.epsilon_direct) == (1.0, 0.1, 0.01)
+def test_paper_presets_have_the_papers_numbers():
+    paper, large = (DISCOVERERS["kl"].configure(name) for name in ("paper", "paper_large"))
+    own = paper.options
+    assert (paper.training_count, paper.n_placebos) == (5000, 0)
+    assert (own.batch_size, own.learning_rate, own.max_epochs, own.patience) == (32, 5e-4, 100, 0)
+    assert (own.epsilon_cv, own.epsilon_normalize, own.epsilon_direct) == (1.0, 0.1, 0.01)
+    longer = dataclasses.replace(own, max_epochs=500)
+    assert large == dataclasses.replace(paper, training_count=10_000, options=longer)
 
 
 @pytest.mark.long

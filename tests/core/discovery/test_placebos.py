@@ -8,8 +8,9 @@ from scipy.stats import false_discovery_control
 from toy import make_toy, toy_task
 
 from causalbench.core.discovery.methods.kl.placebos import calibrate, placebo_copy, q_values
+from causalbench.core.discovery.methods.kl.settings import KLSettings
 from causalbench.core.discovery.pipeline import discover
-from causalbench.core.discovery.samples.collect import Samples
+from causalbench.core.discovery.samples.transitions import Samples
 from causalbench.core.discovery.settings import DiscoverySettings
 from causalbench.errors import UserError
 
@@ -70,7 +71,7 @@ def test_a_placebo_copy_changes_placebos_alone():
     assert (one.actions[:, 3:] != two.actions[:, 3:]).mean() > 0.7
 
 
-SMALL = DiscoverySettings(training_count=1500, max_epochs=12)
+SMALL = DiscoverySettings(training_count=1500, options=KLSettings(max_epochs=12))
 
 
 def _planted(previous, action, now):
@@ -80,19 +81,17 @@ def _planted(previous, action, now):
 
 
 def test_both_selections_come_from_one_fit():
-    paper = discover(toy_task(_planted, 3), make_toy, SMALL, 0, lambda share, doing: None)
-    settings = paper.provenance["settings"] | {"select": "fdr"}
-    fdr = calibrate(dataclasses.replace(paper, provenance={**paper.provenance, "settings": settings}))
+    (paper,) = discover(toy_task(_planted, 3), make_toy, SMALL, 0, lambda share, doing: None).stages
+    (fdr,) = calibrate([paper], dataclasses.replace(SMALL, options=KLSettings(select="fdr")))
     truth = np.array([[True, False, False], [False, True, False], [False, True, True]])
-    assert paper.stages[0].null_kl.shape == (40, 3)
-    np.testing.assert_array_equal(paper.stages[0].matrix, truth)
-    np.testing.assert_array_equal(fdr.stages[0].q_value, paper.stages[0].q_value)
-    np.testing.assert_array_equal(fdr.stages[0].matrix, paper.stages[0].q_value <= 0.05)
-    assert fdr.stages[0].matrix[truth].all()
+    assert paper.evidence["null_kl"].shape == (40, 3)
+    np.testing.assert_array_equal(paper.matrix, truth)
+    np.testing.assert_array_equal(fdr.evidence["q_value"], paper.evidence["q_value"])
+    np.testing.assert_array_equal(fdr.matrix, paper.evidence["q_value"] <= 0.05)
+    assert fdr.matrix[truth].all()
 
 
 def test_no_placebos_no_calibrated_cut():
+    settings = DiscoverySettings(n_placebos=0, options=KLSettings(select="fdr"))
     with pytest.raises(UserError, match="n_placebos"):
-        DiscoverySettings(select="fdr", n_placebos=0)
-    with pytest.raises(UserError, match="discoverer 'kl'"):
-        DiscoverySettings(select="fdr", discoverer="another")
+        discover(toy_task(_planted, 3), make_toy, settings, 0, lambda share, doing: None)

@@ -9,9 +9,12 @@ import numpy as np
 import pytest
 import torch
 
-from causalbench.core.discovery.methods.kl.reward_model import fit_reward_models
+from causalbench.core.discovery.methods.kl.settings import KLSettings
 from causalbench.core.discovery.pipeline import discover
-from causalbench.core.discovery.samples.collect import Samples, collect
+from causalbench.core.discovery.reward_model.models import fit_reward_models
+from causalbench.core.discovery.reward_model.settings import RewardModelSettings
+from causalbench.core.discovery.samples.collect import collect
+from causalbench.core.discovery.samples.transitions import Samples
 from causalbench.core.discovery.settings import DiscoverySettings
 from causalbench.core.kinematic import make
 from causalbench.core.kinematic.worlds import KinematicScene
@@ -62,7 +65,9 @@ def test_a_frame_is_what_was_seen_before_its_step() -> None:
 
 @pytest.mark.parametrize("task", [PURE, MOBILE], ids=lambda task: task.name)
 def test_discovery_sees_what_the_paper_says_and_keeps_it(task, tmp_path: Path) -> None:
-    settings = DiscoverySettings(training_count=24, max_epochs=1, n_placebos=0, observation="paper", batch_size=16)
+    settings = DiscoverySettings(
+        training_count=24, n_placebos=0, observation="paper", options=KLSettings(max_epochs=1, batch_size=16)
+    )
 
     def make_scene():
         return make(mobile=task is MOBILE)
@@ -91,7 +96,7 @@ def test_a_reward_model_reads_its_frames() -> None:
         )
 
     data, new = samples(600), samples(200)
-    settings = DiscoverySettings(max_epochs=15, batch_size=32, learning_rate=1e-3)
+    settings = RewardModelSettings(max_epochs=15, batch_size=32, learning_rate=1e-3)
     target = torch.from_numpy((new.rewards[:, 0] - data.rewards.mean()) / data.rewards.std())
     errors = {}
     for name, changes in (("sees", {}), ("blind", {"sensor": "", "frames": ()})):

@@ -8,6 +8,7 @@ from scipy.stats import fisher_exact
 from toy import make_toy, toy_task
 
 from causalbench.core.discovery.graph import CausalGraph
+from causalbench.core.discovery.methods.paired import PairedSettings
 from causalbench.core.discovery.methods.sufficient import LEVEL, _oftener
 from causalbench.core.discovery.pipeline import CountingScene, discover
 from causalbench.core.discovery.settings import DiscoverySettings
@@ -15,7 +16,7 @@ from causalbench.core.learners.causal_gradient import stage_plan
 from causalbench.core.learners.methods import METHODS
 from causalbench.errors import InvalidGraphError
 
-SETTINGS = DiscoverySettings(discoverer="sufficient", paired_env_steps=400)
+SETTINGS = DiscoverySettings(discoverer="sufficient", options=PairedSettings(max_actions=400))
 CM = next(method for method in METHODS if method.name == "cmSAC")
 
 

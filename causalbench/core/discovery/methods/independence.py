@@ -1,7 +1,7 @@
 """Discovery by a classical independence test of a_k and r_j on D_random, by causal-learn.
 
 `fisher_z` tests the partial correlation given the state and the other actions: it sees linear effects alone. `kci` is
-the kernel test on the first `kci_samples`, since its cost is cubic; it conditions on nothing, which is valid since
+the kernel test on the first `samples`, since its cost is cubic; it conditions on nothing, which is valid since
 actions are drawn at random. (Conditioned on the state it found edges where there are none.) An edge is present if its
 p-value is below `level`, divided by the number of edges of the stage (Bonferroni). Columns that never vary or repeat
 others are left out; D_do is not read. Such tests assume noise: where a simulator has none, what remains of r_j once s
@@ -10,18 +10,32 @@ and the other actions are known is rounding, so noise of `JITTER` deviations is 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import Annotated, Any
 
 import numpy as np
+from annotated_types import Gt, Le
 from numpy.typing import NDArray
 
-from causalbench.core.discovery.graph import StageGraph, declared_matrix
-
-if TYPE_CHECKING:
-    from causalbench.core.discovery.registry import StageProblem
+from causalbench.core.discovery.graph import EvidenceColumn, StageGraph, declared_matrix
+from causalbench.core.discovery.registry import RANDOM, Discoverer, StageProblem
 
 JITTER = 0.1  # deviations of the term
 STREAM = 102  # beside the numbers of the sets of samples and of the other discoverers
+
+
+@dataclass(frozen=True)
+class FisherZSettings:
+    """Own settings of `fisher_z`."""
+
+    level: Annotated[float, Gt(0), Le(1)] = 0.05  # chance of any false edge in a stage
+
+
+@dataclass(frozen=True)
+class KCISettings(FisherZSettings):
+    """Own settings of `kci`."""
+
+    samples: Annotated[int, Gt(0)] = 1_000  # most that are used of one stage, since the cost is cubic
 
 
 def by_fisher_z(problem: StageProblem) -> StageGraph:
@@ -31,7 +45,7 @@ def by_fisher_z(problem: StageProblem) -> StageGraph:
 
 def by_kci(problem: StageProblem) -> StageGraph:
     """The kernel independence test (Zhang et al. 2011)."""
-    return _discover_stage(problem, "kci", problem.settings.kci_samples)
+    return _discover_stage(problem, "kci", problem.options.samples)
 
 
 def _discover_stage(problem: StageProblem, test: str, count: int) -> StageGraph:
@@ -55,7 +69,7 @@ def _discover_stage(problem: StageProblem, test: str, count: int) -> StageGraph:
             given = [c for c in range(first_reward) if c != k and test == "fisherz"]
             p_value[k, j] = independence(k, first_reward + column, given)
             problem.report((column * n_actions + k + 1) / (n_actions * testable.sum()), f"{test}: {terms[j]}")
-    present = p_value < problem.settings.level / p_value.size
+    present = p_value < problem.options.level / p_value.size
     matrix = np.where(testable, present, declared_matrix(task, stage, terms))
     return StageGraph(stage, task.actions, terms, matrix, testable=testable, evidence={"p_value": p_value})
 
@@ -69,3 +83,30 @@ def independent_columns(table: NDArray[np.float64]) -> NDArray[np.float64]:
         if np.linalg.matrix_rank(varying[:, [*kept, column]], tol=1e-3 * np.sqrt(len(table))) > len(kept):
             kept.append(column)
     return varying[:, kept]
+
+
+EVIDENCE = (
+    EvidenceColumn("p_value", "", "chance of so strong a dependence if there were none", main=True,
+                   log_range=(1e-4, 1.0)),
+)  # fmt: skip
+MODULES, EXTRA = ("causallearn",), "causalbench-robotics[causal-learn]"
+FISHER_Z = Discoverer(
+    "fisher_z",
+    by_fisher_z,
+    "partial correlation",
+    settings=FisherZSettings,
+    evidence=EVIDENCE,
+    reads=RANDOM,
+    modules=MODULES,
+    extra=EXTRA,
+)
+KCI = Discoverer(
+    "kci",
+    by_kci,
+    "kernel independence test",
+    settings=KCISettings,
+    evidence=EVIDENCE,
+    reads=RANDOM,
+    modules=MODULES,
+    extra=EXTRA,
+)

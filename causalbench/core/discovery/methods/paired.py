@@ -14,18 +14,21 @@ assumes that effects of two actions do not cancel.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
+from annotated_types import Gt
 from numpy.typing import NDArray
 
-from causalbench.core.discovery.graph import StageGraph, declared_matrix
-from causalbench.core.discovery.samples.collect import Samples
-from causalbench.core.discovery.truth.counterfactual import ABSENT_BELOW, STRONG_ABOVE, Walk, effects
+from causalbench.core.discovery.graph import EvidenceColumn, StageGraph, declared_matrix
+from causalbench.core.discovery.registry import NO_SAMPLES, Discoverer, StageProblem
+from causalbench.core.discovery.samples.transitions import Samples
+from causalbench.core.discovery.truth.effects import ABSENT_BELOW, STRONG_ABOVE, effects
 from causalbench.errors import UndecidedStageError
 
 if TYPE_CHECKING:
-    from causalbench.core.discovery.registry import StageProblem
+    from causalbench.core.discovery.truth.counterfactual import Walk
 
 Array = NDArray[np.float64]
 
@@ -36,25 +39,34 @@ ALONE_FROM = 1 / 3  # an action that had an effect in at least this share of sta
 STREAM = 100  # beside the numbers of the sets of samples, so that no generator is used twice
 
 
+@dataclass(frozen=True)
+class PairedSettings:
+    """Own settings of `paired` and `sufficient`."""
+
+    max_actions: Annotated[int, Gt(0)] = 1_250  # most that are tried in one stage, each held for `action_repeat` steps
+
+
 def discover_stage(problem: StageProblem) -> StageGraph:
-    """Decide the edges of one stage, with at most `paired_env_steps` control steps."""
+    """Decide the edges of one stage, with at most `max_actions` actions."""
     return measure(problem)[0]
 
 
 def measure(problem: StageProblem) -> tuple[StageGraph, Walk]:
     """The graph of one stage, and the random walk that visited its states."""
+    from causalbench.core.discovery.truth.counterfactual import Walk
+
     task, stage, settings = problem.task, problem.stage, problem.settings
-    scene = problem.scene()
+    scene, budget = problem.scene(), problem.options.max_actions * settings.action_repeat
     rng = np.random.default_rng([problem.seed, stage, STREAM])
     walk = Walk(task, scene, stage, rng, settings.sequence_length, settings.action_repeat)
     edges = _Edges(walk, "exact_restore" in scene.spec.capabilities)
     next_look, most = FIRST_LOOK, (len(task.actions) + 3) * settings.action_repeat  # that one state takes
-    while edges.open.any() and edges.env_steps + most <= settings.paired_env_steps:
+    while edges.open.any() and edges.env_steps + most <= budget:
         edges.measure()
         if edges.walk.sequence >= next_look:
             edges.look(rng)
             next_look = math.ceil(edges.walk.sequence * NEXT_LOOK)
-        problem.report(edges.env_steps / settings.paired_env_steps, f"{int(edges.open.sum())} edges undecided")
+        problem.report(edges.env_steps / budget, f"{int(edges.open.sum())} edges undecided")
     if edges.refused > len(edges.taken):
         raise UndecidedStageError(f"{edges.refused} of {edges.refused + len(edges.taken)} states were not finite")
     edges.look(rng)
@@ -172,3 +184,20 @@ class _Edges:
             self.env_steps,
             self.refused,
         )
+
+
+EVIDENCE = (
+    EvidenceColumn("effect", "", "estimate of E[(r_j(s, a) - r_j(s, a with a_k = 0))^2] / Var(r_j)", main=True,
+                   log_range=(1e-3, 2.0)),
+    EvidenceColumn("effect_low", "", "lower bound of the effect's interval when the edge was last looked at"),
+    EvidenceColumn("effect_high", "", "upper bound of that interval, with room for what the states did not show"),
+    EvidenceColumn("pairs", "states", "states in which the action was compared with 0 until the edge was decided"),
+)  # fmt: skip
+DISCOVERER = Discoverer(
+    "paired",
+    discover_stage,
+    "effect sizes from paired interventions, until each edge is decided",
+    settings=PairedSettings,
+    evidence=EVIDENCE,
+    reads=NO_SAMPLES,
+)

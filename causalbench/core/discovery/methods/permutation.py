@@ -9,32 +9,41 @@ whether a few states showed any effect, however small: significance, where `pair
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+from annotated_types import Gt, Le
 from numpy.typing import NDArray
 
-from causalbench.core.discovery.graph import StageGraph, declared_matrix
-from causalbench.core.discovery.truth.counterfactual import Walk
+from causalbench.core.discovery.graph import EvidenceColumn, StageGraph, declared_matrix
+from causalbench.core.discovery.registry import NO_SAMPLES, Discoverer, StageProblem
 from causalbench.errors import UndecidedStageError
-
-if TYPE_CHECKING:
-    from causalbench.core.discovery.registry import StageProblem
 
 STREAM = 101  # beside the numbers of the sets of samples and of `paired`
 FLIPS = 5_000
 ROUNDING = 1e-12  # variances of the term: a difference of a millionth of a deviation is arithmetic, no effect
 
 
+@dataclass(frozen=True)
+class PermutationSettings:
+    """Own settings of `permutation`."""
+
+    states: Annotated[int, Gt(0)] = 100  # of one stage in which actions are compared
+    level: Annotated[float, Gt(0), Le(1)] = 0.05  # chance of any false edge in a stage
+
+
 def discover_stage(problem: StageProblem) -> StageGraph:
-    """Test every edge of one stage on `permutation_states` states; each takes (n_actions + 2) actions."""
-    task, stage, settings = problem.task, problem.stage, problem.settings
+    """Test every edge of one stage on `states` states; each takes (n_actions + 2) actions."""
+    from causalbench.core.discovery.truth.counterfactual import Walk
+
+    task, stage, settings, own = problem.task, problem.stage, problem.settings, problem.options
     rng = np.random.default_rng([problem.seed, stage, STREAM])
     walk = Walk(task, problem.scene(), stage, rng, settings.sequence_length, settings.action_repeat)
     rewards = []
-    for n in range(settings.permutation_states):
+    for n in range(own.states):
         rewards.append(walk.compare())
-        problem.report((n + 1) / settings.permutation_states, "paired interventions")
+        problem.report((n + 1) / own.states, "paired interventions")
     values = np.array(rewards)  # (n, n_actions + 2, n_terms)
     finite = np.isfinite(values).all((1, 2))
     if finite.mean() < 0.5:
@@ -44,7 +53,7 @@ def discover_stage(problem: StageProblem) -> StageGraph:
     squares[squares < ROUNDING * variance] = 0.0
     p_value = sign_flip_p_values(squares[:, 1:] - squares[:, :1], rng)
     testable = variance > 1e-12
-    matrix = np.where(testable, p_value < settings.level / p_value.size, declared_matrix(task, stage, walk.terms))
+    matrix = np.where(testable, p_value < own.level / p_value.size, declared_matrix(task, stage, walk.terms))
     return StageGraph(stage, task.actions, walk.terms, matrix, testable=testable, evidence={"p_value": p_value})
 
 
@@ -55,3 +64,16 @@ def sign_flip_p_values(difference: NDArray[np.float64], rng: np.random.Generator
     tolerance = 1e-9 * np.abs(rows).sum(0)  # sums of the same numbers in another order
     reached = signs @ rows >= rows.sum(0) - tolerance
     return ((1 + reached.sum(0)) / (1 + FLIPS)).reshape(difference.shape[1:])
+
+
+DISCOVERER = Discoverer(
+    "permutation",
+    discover_stage,
+    "permutation test on paired interventions",
+    settings=PermutationSettings,
+    evidence=(
+        EvidenceColumn("p_value", "", "chance of so large a difference from 0 under random signs", main=True,
+                       log_range=(1e-4, 1.0)),
+    ),
+    reads=NO_SAMPLES,
+)  # fmt: skip

@@ -19,11 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from causalbench.core.discovery.graph import StageGraph
-from causalbench.core.discovery.methods.paired import measure
-from causalbench.core.discovery.truth.counterfactual import Walk
+from causalbench.core.discovery.methods.paired import EVIDENCE, PairedSettings, measure
+from causalbench.core.discovery.registry import NO_SAMPLES, Discoverer, StageProblem
 
 if TYPE_CHECKING:
-    from causalbench.core.discovery.registry import StageProblem
+    from causalbench.core.discovery.truth.counterfactual import Walk
 
 HALVES, TRIALS = 120, 20  # sequences on a random half of the causes, and on the chosen ones
 EXPECTED = 8  # of HALVES that must finish; a cause stands out from 5 to 0 on, which 8 expected ones show in nine of ten
@@ -33,6 +33,8 @@ STREAM = 103  # beside the numbers of the sets of samples and of the other disco
 
 def discover_stage(problem: StageProblem) -> StageGraph:
     """The graph of `paired` with the causes that are enough; up to 140 sequences more where there is a choice."""
+    from causalbench.core.discovery.truth.counterfactual import Walk
+
     graph, walk = measure(problem)
     causes = graph.causal_actions()
     if HALVES * walk.finished < EXPECTED * walk.ended:
@@ -72,3 +74,13 @@ def _oftener(these: NDArray[np.bool_], those: NDArray[np.bool_]) -> bool:
 
 def _with_note(graph: StageGraph, note: str) -> StageGraph:
     return replace(graph, notes=(*graph.notes, note))
+
+
+DISCOVERER = Discoverer(
+    "sufficient",
+    discover_stage,
+    "as paired, then as few of the causes as finish the stage",
+    settings=PairedSettings,
+    evidence=EVIDENCE,
+    reads=NO_SAMPLES,
+)

@@ -22,7 +22,8 @@ from typing import Any, Protocol
 import numpy as np
 
 from causalbench.core.discovery.registry import SAMPLE_SETS, SampleSet
-from causalbench.core.discovery.samples.collect import Samples, StageSamples, collect
+from causalbench.core.discovery.samples.collect import collect
+from causalbench.core.discovery.samples.transitions import Samples, StageSamples
 from causalbench.core.discovery.settings import DiscoverySettings
 from causalbench.core.tasks.task import Task
 from causalbench.core.world.batch import BatchScene, make_batch

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,10 +12,6 @@ from causalbench.core.tasks.task import Task
 from causalbench.core.world.scene import Facts, Scene
 
 Array = NDArray[np.float64]
-
-ABSENT_BELOW = 0.005  # upper bound of the interval of an effect
-STRONG_ABOVE = 0.05  # lower bound
-RESAMPLES = 2000
 
 
 class Walk:
@@ -92,42 +86,3 @@ class Walk:
     def model_inputs(self) -> NDArray[np.float32]:
         """(n_state + 1,) the visited state, as in `Samples`."""
         return model_inputs(self.task, self._before)
-
-
-def effects(
-    taken: Array, squares: Array, sequence: NDArray[np.integer[Any]], rng: np.random.Generator, confidence: float
-) -> tuple[Array, Array, Array]:
-    """E[squares] / Var(taken) with bootstrap bounds, each (n_rows, n_terms); NaN where a term never varies.
-
-    `taken` (n, n_terms) are the rewards of the action itself, `squares` (n, n_rows, n_terms) squared differences from
-    it, `sequence` (n,). Whole sequences are resampled, since states of one sequence resemble each other.
-    """
-    _, group = np.unique(sequence, return_inverse=True)
-    n_groups = int(group.max()) + 1
-
-    def total(values: NDArray[Any]) -> Array:
-        out = np.zeros((n_groups, *values.shape[1:]))
-        np.add.at(out, group, values)
-        return out
-
-    count, first, second, square = (
-        total(x) for x in (np.ones(len(taken)), taken, taken**2, squares.reshape(len(squares), -1))
-    )
-
-    def ratio(weights: Array) -> Array:
-        n = weights @ count
-        variance = weights @ second / n[:, None] - (weights @ first / n[:, None]) ** 2
-        mean_square = (weights @ square / n[:, None]).reshape(len(weights), *squares.shape[1:])
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.where(variance[:, None] > 1e-12, mean_square / variance[:, None], np.nan)
-
-    effect = ratio(np.ones((1, n_groups)))[0]
-    weights = rng.multinomial(n_groups, np.full(n_groups, 1 / n_groups), size=RESAMPLES).astype(np.float64)
-    resampled = ratio(weights)
-    tail = (1 - confidence) / 2
-    low, high = np.full_like(effect, np.nan), np.full_like(effect, np.nan)
-    testable = ~np.isnan(effect)
-    # A resample in which a rare reward never varies says nothing about its effect.
-    if testable.any():
-        low[testable], high[testable] = np.nanquantile(resampled[:, testable], [tail, 1 - tail], axis=0)
-    return effect, low, high

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from causalbench.core.discovery.graph import CausalGraph, StageGraph, declared_matrix
-from causalbench.core.discovery.truth.counterfactual import ABSENT_BELOW, STRONG_ABOVE, Walk, effects
+from causalbench.core.discovery.truth.counterfactual import Walk
+from causalbench.core.discovery.truth.effects import ABSENT_BELOW, STRONG_ABOVE, effects
 from causalbench.core.tasks.task import Task
 from causalbench.core.world.scene import Scene
 

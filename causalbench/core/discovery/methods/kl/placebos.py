@@ -14,8 +14,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core.discovery.graph import CausalGraph, StageGraph, used_kl
-from causalbench.core.discovery.samples.collect import Samples
+from causalbench.core.discovery.graph import StageGraph
+from causalbench.core.discovery.samples.transitions import Samples
+from causalbench.core.discovery.settings import DiscoverySettings
 
 Floats = NDArray[np.float64]
 
@@ -55,26 +56,25 @@ def q_values(kl: Sequence[Floats], null_kl: Sequence[Floats]) -> list[Floats]:
     return [part.reshape(values.shape) for part, values in zip(np.split(q, sizes), p_of_stage, strict=True)]
 
 
-def calibrate(graph: CausalGraph) -> CausalGraph:
-    """The graph with `q_value` wherever nulls were probed, selected by them if its settings say `select: fdr`.
+def calibrate(stages: Sequence[StageGraph], settings: DiscoverySettings) -> tuple[StageGraph, ...]:
+    """The graphs of all stages with `q_value` wherever nulls were probed, selected by them under `select: fdr`.
 
     Untestable terms keep their declared column and enter nothing.
     """
-    tested = {s.stage: np.asarray(s.testable, dtype=bool) for s in graph.stages if s.null_kl is not None}
-    known = [s for s in graph.stages if s.stage in tested and tested[s.stage].any()]
+    tested = {s.stage: np.asarray(s.testable, dtype=bool) for s in stages if "null_kl" in s.evidence}
+    known = [s for s in stages if s.stage in tested and tested[s.stage].any()]
     if not known:
-        return graph
+        return tuple(stages)
     columns = [tested[s.stage] for s in known]
     found = q_values(
-        [used_kl(graph, s.stage)[:, can] for s, can in zip(known, columns, strict=True)],
-        [np.asarray(s.null_kl)[:, can] for s, can in zip(known, columns, strict=True)],
+        [s.evidence["kl"][:, can] for s, can in zip(known, columns, strict=True)],
+        [s.evidence["null_kl"][:, can] for s, can in zip(known, columns, strict=True)],
     )
-    settings = graph.provenance["settings"]
     calibrated: dict[int, StageGraph] = {}
     for stage, can, values in zip(known, columns, found, strict=True):
         q, matrix = np.ones(stage.matrix.shape), stage.matrix.copy()
         q[:, can] = values
-        if settings["select"] == "fdr":
-            matrix[:, can] = values <= settings["fdr"]
-        calibrated[stage.stage] = replace(stage, matrix=matrix, q_value=q)
-    return replace(graph, stages=tuple(calibrated.get(s.stage, s) for s in graph.stages))
+        if settings.options.select == "fdr":
+            matrix[:, can] = values <= settings.options.fdr
+        calibrated[stage.stage] = replace(stage, matrix=matrix, evidence={**stage.evidence, "q_value": q})
+    return tuple(calibrated.get(s.stage, s) for s in stages)

@@ -18,8 +18,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from causalbench.core.discovery.samples.collect import Samples
-from causalbench.core.discovery.settings import DiscoverySettings
+from causalbench.core.discovery.reward_model.settings import RewardModelSettings
+from causalbench.core.discovery.samples.transitions import Samples
 from causalbench.core.networks.encoder import Encoder, device_for
 
 HIDDEN = (128, 128, 128)
@@ -60,7 +60,7 @@ class RewardModels:
 
 def train_reward_models(
     data: Sequence[tuple[Samples, Samples]],
-    settings: DiscoverySettings,
+    settings: RewardModelSettings,
     seed: int,
     on_progress: Callable[[float], None],
 ) -> RewardModels:
@@ -76,7 +76,7 @@ def train_reward_models(
 def fit_reward_models(
     data: Sequence[Samples],
     reference: Samples,
-    settings: DiscoverySettings,
+    settings: RewardModelSettings,
     seed: int,
     on_progress: Callable[[float], None],
 ) -> RewardModels:

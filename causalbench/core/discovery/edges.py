@@ -1,0 +1,35 @@
+"""The edges of a causal graph as rows: what was decided of each, and by which numbers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from causalbench.core.discovery.graph import CausalGraph
+
+EDGE = ("stage", "reward", "action", "selected", "in_policy")
+"""The columns that every table of edges has, whatever the discoverer."""
+
+
+def evidence_columns(graph: CausalGraph) -> tuple[str, ...]:
+    """The names of the columns that a row per edge can show, in the order of the discoverer."""
+    return tuple(column.name for column in graph.columns if column.per != "stage")
+
+
+def edge_rows(graph: CausalGraph) -> Iterator[dict[str, Any]]:
+    """One row per (stage, reward, action): the decision, whether a policy sets the action, and the evidence.
+
+    A number of a term stands in each of its rows; None where the stage has no such number.
+    """
+    names = evidence_columns(graph)
+    for stage in graph.stages:
+        tables = [np.broadcast_to(stage.evidence.get(name, np.nan), stage.matrix.shape) for name in names]
+        for j, term in enumerate(stage.terms):
+            for k, action in enumerate(stage.actions):
+                row = {"stage": stage.stage, "reward": term, "action": action, "selected": int(stage.matrix[k, j])}
+                row["in_policy"] = int(action in stage.policy_actions())
+                numbers = (float(table[k, j]) for table in tables)
+                yield row | {n: None if math.isnan(x) else x for n, x in zip(names, numbers, strict=True)}

@@ -1,0 +1,1 @@
+"""The reward models p(r | s, a) by which several discoverers decide."""
