@@ -8,8 +8,9 @@ import numpy as np
 
 from causalbench.core.tasks.task import Task, Term
 from causalbench.core.world.batch import Batchable, BatchScene, select
+from causalbench.core.world.facts import Facts
 from causalbench.core.world.layout import Layout, Workspace
-from causalbench.core.world.scene import Facts, Scene, SceneSpec
+from causalbench.core.world.scene import Scene, SceneSpec
 
 ACTIONS = ("armx", "army", "armz")
 SPEC = SceneSpec(

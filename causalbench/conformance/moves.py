@@ -17,8 +17,9 @@ from causalbench.conformance.bench import expect
 from causalbench.core.numerics import rotations
 from causalbench.core.tasks import pure_manipulation as task
 from causalbench.core.tasks.task import Task
+from causalbench.core.world.facts import Facts
 from causalbench.core.world.layout import Layout
-from causalbench.core.world.scene import ACTION_SPEED, Facts, Scene
+from causalbench.core.world.scene import ACTION_SPEED, Scene
 from causalbench.errors import UnreachableLayoutError
 
 Array = NDArray[np.float64]

@@ -10,6 +10,7 @@ from typing import Any
 
 from causalbench.conformance.bench import Bench
 from causalbench.conformance.checks import contact, drive, facts, life, motion, repeat, reset, rgb, solve, spec
+from causalbench.core.world.capabilities import Capability
 from causalbench.core.world.scene import SceneSpec
 from causalbench.errors import UnknownNameError, UserError
 from causalbench.plugins.hookspecs import Backend
@@ -54,7 +55,7 @@ class Check:
 
 
 ARM = ("armx", "army", "armz", "armrx", "armry", "armrz", "grip")
-MOBILE = ("mobile_base",)
+MOBILE = (Capability.MOBILE_BASE,)
 
 CHECKS = (
     Check(spec.s01_names),
@@ -72,12 +73,12 @@ CHECKS = (
     Check(motion.s13_translations, ("armx", "army", "armz")),
     Check(motion.s14_rotations, ("armrx", "armry", "armrz")),
     Check(motion.s15_grip, ("grip",)),
-    Check(motion.s16_base, ("mobile_base",)),
+    Check(motion.s16_base, MOBILE),
     Check(motion.s17_half, ("armx", "army", "armz")),
     Check(motion.s18_one_control_dt, ("army",)),
     Check(motion.s19_idle),
     Check(motion.s20_grip_zero, ("grip",)),
-    Check(motion.s21_gravity, ("physics", "army", "armz", "grip")),
+    Check(motion.s21_gravity, (Capability.PHYSICS, "army", "armz", "grip")),
     Check(motion.s22_invalid_actions),
     Check(motion.s23_finite),
     Check(contact.s24_collision, ("armz",)),
@@ -99,12 +100,12 @@ CHECKS = (
     Check(drive.s40_room, MOBILE),
     Check(drive.s41_arc, MOBILE),
     Check(drive.s42_base_velocity, MOBILE),
-    Check(drive.s43_lidar, (*MOBILE, "lidar")),
-    Check(drive.s44_lidar_fixtures_only, (*MOBILE, "lidar")),
+    Check(drive.s43_lidar, (*MOBILE, Capability.LIDAR)),
+    Check(drive.s44_lidar_fixtures_only, (*MOBILE, Capability.LIDAR)),
     Check(drive.s45_base_collision, MOBILE),
     Check(drive.s46_snapshot_drive, MOBILE),
     Check(drive.s47_mobile_expert, (*MOBILE, *ARM)),
-    Check(rgb.s48_picture, ("rgb",)),
+    Check(rgb.s48_picture, (Capability.RGB,)),
 )
 """The contract, in the order of its numbers."""
 

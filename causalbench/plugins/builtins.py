@@ -8,7 +8,7 @@ from causalbench.core.discovery.discoverers import DISCOVERERS
 from causalbench.core.discovery.registry import Discoverer
 from causalbench.core.kinematic import make as make_kinematic
 from causalbench.core.kinematic.worlds import SPEC
-from causalbench.core.kit.base_following import CAPABILITIES
+from causalbench.core.kit.base_following import DRIVING_CAPABILITIES
 from causalbench.core.learners.methods import METHODS, Method
 from causalbench.core.tasks.mobile_manipulation import TASK as MOBILE_MANIPULATION
 from causalbench.core.tasks.pure_manipulation import TASK as PURE_MANIPULATION
@@ -28,7 +28,7 @@ def causalbench_backends(register: Callable[[Backend], None]) -> None:
             "numpy, not physics",
             "floating hand",
             capabilities=SPEC.capabilities,
-            mobile_capabilities=CAPABILITIES,
+            mobile_capabilities=DRIVING_CAPABILITIES,
         )
     )
 

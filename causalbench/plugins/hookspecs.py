@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from causalbench.core.discovery.registry import Discoverer
     from causalbench.core.learners.methods import Method
     from causalbench.core.tasks.task import Task
+    from causalbench.core.world.capabilities import Capability
     from causalbench.core.world.scene import Scene
 
 hookspec = pluggy.HookspecMarker("causalbench")
@@ -29,7 +30,7 @@ class Backend:
     `make(**options)` imports the simulator and returns a new scene; `engine` and `robot` are for people;
     `modules` are the imports that the simulator needs, so that a missing one is named without importing it;
     `capabilities` are those of its scenes' specs, so that they can be listed without making one;
-    `mobile_capabilities` are those that `make(mobile=True)` adds: "mobile_base" and what comes with it. A backend whose
+    `mobile_capabilities` are those that `make(mobile=True)` adds: `MOBILE_BASE` and what comes with it. A backend whose
     robot does not drive has none, and its `make` no such option;
     `known_gaps` are lines of the contract (docs/conformance.md) that do not hold, with the reason: `{"S21": "..."}`.
     """
@@ -39,9 +40,9 @@ class Backend:
     engine: str
     robot: str
     modules: tuple[str, ...] = ()
-    capabilities: frozenset[str] = frozenset()
+    capabilities: frozenset[Capability] = frozenset()
     known_gaps: Mapping[str, str] = field(default_factory=dict)
-    mobile_capabilities: frozenset[str] = frozenset()
+    mobile_capabilities: frozenset[Capability] = frozenset()
 
 
 @hookspec

@@ -20,6 +20,7 @@ from causalbench._version import __version__
 from causalbench.core.discovery.registry import Discoverer
 from causalbench.core.learners.methods import Method
 from causalbench.core.tasks.task import Task
+from causalbench.core.world.capabilities import Capability
 from causalbench.core.world.scene import Scene
 from causalbench.errors import BackendLoadError, UnknownNameError, UserError
 from causalbench.plugins import hookspecs
@@ -125,7 +126,7 @@ def scene_maker(backend: Backend, task: Task, options: Mapping[str, Any] | None 
 
     Raises `UserError` for a task that drives and a robot that does not.
     """
-    if "mobile_base" not in task.requires:
+    if Capability.MOBILE_BASE not in task.requires:
         return functools.partial(backend.make, **options or {})
     if not backend.mobile_capabilities:
         raise UserError(

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from causalbench.core.kinematic.mobile import BASE_HIT, LIDAR_POSITION, MOBILE_SPEC, MobileKinematicScene
 from causalbench.core.kinematic.worlds import BASE_POSE, BOX, BOX_HALF, COMMAND, HAND, SPEC, TABLE_HIT, KinematicScene
 from causalbench.core.world import lidar
+from causalbench.core.world.facts import Facts
 from causalbench.core.world.layout import Layout
-from causalbench.core.world.scene import Array, Facts, Scene, SceneSpec, check_action
+from causalbench.core.world.scene import Array, Scene, SceneSpec, check_action
 from causalbench.errors import SnapshotError, UnreachableLayoutError
 from causalbench.plugins.hookspecs import Backend
 

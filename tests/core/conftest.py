@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from causalbench.core.world.scene import Facts
+from causalbench.core.world.facts import Facts
 
 BOX = np.array([-0.1, 0.6, 0.725])
 

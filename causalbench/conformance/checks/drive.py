@@ -15,8 +15,9 @@ from causalbench.core.numerics import rotations
 from causalbench.core.tasks import rooms
 from causalbench.core.tasks.mobile_manipulation import TASK
 from causalbench.core.world import lidar
+from causalbench.core.world.facts import Facts
 from causalbench.core.world.layout import Layout
-from causalbench.core.world.scene import Facts, Scene
+from causalbench.core.world.scene import Scene
 
 Array = NDArray[np.float64]
 

@@ -107,7 +107,7 @@ def check_restored(bench: Bench, situation: str) -> None:
 def s30_snapshot_free(bench: Bench) -> None:
     """S30. A snapshot in free motion, restored in this or another scene, goes on the same.
 
-    To the bit with the capability "exact_restore", else within `spec.restore_error` in 15 steps.
+    To the bit with the capability `EXACT_RESTORE`, else within `spec.restore_error` in 15 steps.
     """
     _free(bench.scene)
     check_restored(bench, "in free motion")

@@ -21,8 +21,8 @@ from causalbench.conformance.moves import (
 )
 from causalbench.core.numerics import rotations
 from causalbench.core.tasks.pure_manipulation import BASE_YAW, N_STAGES
+from causalbench.core.world.facts import Facts
 from causalbench.core.world.layout import Box, Layout
-from causalbench.core.world.scene import Facts
 
 ELSEWHERE = (0.4, -0.3, 0.7)
 """Another place for the robot's base: x m, y m, yaw rad."""

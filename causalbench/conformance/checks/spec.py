@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from causalbench.conformance.bench import Bench, expect
+from causalbench.core.world.capabilities import SCENE_CAPABILITIES, Capability
 from causalbench.core.world.scene import ACTION_SPEED
 from causalbench.errors import CausalbenchError
-
-CAPABILITIES = frozenset({"rgb", "lidar", "exact_restore", "mobile_base", "physics"})
 
 
 def s01_names(bench: Bench) -> None:
@@ -64,12 +63,12 @@ def s04_time(bench: Bench) -> None:
 def s05_capabilities(bench: Bench) -> None:
     """S5. Capabilities are known ones, the same that the plugin registers, and truthful.
 
-    The base actions, `workspace.carry` and "mobile_base" go together, as do `lidar_position` and "lidar", and no
-    "exact_restore" and a `restore_error` above 0; `render` and `lidar` raise without "rgb" and "lidar".
+    The base actions, `workspace.carry` and `MOBILE_BASE` go together, as do `lidar_position` and `LIDAR`, and no
+    `EXACT_RESTORE` and a `restore_error` above 0; `render` and `lidar` raise without `RGB` and `LIDAR`.
     """
     spec = bench.spec
-    unknown = sorted(spec.capabilities - CAPABILITIES)
-    expect(not unknown, f"unknown capabilities {unknown}; known: {', '.join(sorted(CAPABILITIES))}")
+    unknown = sorted(spec.capabilities - SCENE_CAPABILITIES)
+    expect(not unknown, f"unknown capabilities {unknown}; known: {', '.join(sorted(SCENE_CAPABILITIES))}")
     registered = bench.capabilities
     expect(
         spec.capabilities == registered,
@@ -77,22 +76,25 @@ def s05_capabilities(bench: Bench) -> None:
     )
     mobile = {"forward", "turn"} <= set(spec.actions)
     expect(
-        mobile == ("mobile_base" in spec.capabilities),
-        f"the actions forward and turn and the capability 'mobile_base' go together; actions: {spec.actions}",
+        mobile == (Capability.MOBILE_BASE in spec.capabilities),
+        f"the actions forward and turn and the capability {Capability.MOBILE_BASE!r} go together; "
+        f"actions: {spec.actions}",
     )
-    exact = "exact_restore" in spec.capabilities
+    exact = Capability.EXACT_RESTORE in spec.capabilities
     expect(
         spec.restore_error == 0 if exact else 0 < spec.restore_error < np.inf,
-        f"spec.restore_error is {spec.restore_error} {'with' if exact else 'without'} the capability 'exact_restore'; "
-        "it is 0 with it, and how far facts may be off after a restore without it",
+        f"spec.restore_error is {spec.restore_error} {'with' if exact else 'without'} "
+        f"the capability {Capability.EXACT_RESTORE!r}; it is 0 with it, and without it "
+        "how far facts may be off after a restore",
     )
-    for capability, where in (("mobile_base", "workspace.carry"), ("lidar", "lidar_position")):
+    for capability, where in ((Capability.MOBILE_BASE, "workspace.carry"), (Capability.LIDAR, "lidar_position")):
         owner = spec.workspace if where.startswith("workspace") else spec
         declared = getattr(owner, where.rpartition(".")[2]) is not None
         expect(
             declared == (capability in spec.capabilities), f"spec.{where} and the capability {capability!r} go together"
         )
-    for capability, call in (("rgb", lambda: bench.scene.render(64, 48)), ("lidar", bench.scene.lidar)):
+    optional = {Capability.RGB: lambda: bench.scene.render(64, 48), Capability.LIDAR: bench.scene.lidar}
+    for capability, call in optional.items():
         if capability in spec.capabilities:
             continue
         try:

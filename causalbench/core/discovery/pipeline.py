@@ -21,8 +21,9 @@ from causalbench.core.discovery.samples.collection import Collection, Origin, Re
 from causalbench.core.discovery.samples.transitions import Samples, StageSamples
 from causalbench.core.discovery.settings import DiscoverySettings
 from causalbench.core.tasks.task import Task
+from causalbench.core.world.facts import Facts
 from causalbench.core.world.layout import Layout
-from causalbench.core.world.scene import Array, Facts, Scene
+from causalbench.core.world.scene import Array, Scene
 from causalbench.errors import LayoutDrawError, UndecidedStageError, UnknownNameError, UserError
 
 Progress = Callable[[float, str], None]

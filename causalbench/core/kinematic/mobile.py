@@ -40,8 +40,9 @@ from causalbench.core.numerics.gufunc import broadcast
 from causalbench.core.world import lidar
 from causalbench.core.world.batch import Batchable, BatchScene
 from causalbench.core.world.cameras import find_camera
+from causalbench.core.world.facts import Facts
 from causalbench.core.world.layout import Layout
-from causalbench.core.world.scene import Facts, Scene, check_action
+from causalbench.core.world.scene import Scene, check_action
 from causalbench.errors import SnapshotError, UnreachableLayoutError
 
 Array = NDArray[np.float64]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from causalbench.core.numerics import rotations
 from causalbench.core.world.cameras import FOV, Camera
-from causalbench.core.world.scene import Facts
+from causalbench.core.world.facts import Facts
 
 Array = NDArray[np.float64]
 Colour = tuple[int, int, int]

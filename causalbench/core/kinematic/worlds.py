@@ -29,8 +29,10 @@ from causalbench.core.kit.snapshots import spec_digest
 from causalbench.core.numerics import rotations
 from causalbench.core.world.batch import Batchable, BatchScene, select
 from causalbench.core.world.cameras import find_camera
+from causalbench.core.world.capabilities import Capability
+from causalbench.core.world.facts import Facts
 from causalbench.core.world.layout import Layout, Workspace
-from causalbench.core.world.scene import ACTION_SPEED, Facts, Scene, SceneSpec, check_action
+from causalbench.core.world.scene import ACTION_SPEED, Scene, SceneSpec, check_action
 from causalbench.errors import SnapshotError, UnreachableLayoutError
 
 Array = NDArray[np.float64]
@@ -65,7 +67,7 @@ SPEC = SceneSpec(
     max_opening=MAX_OPENING,
     control_dt=CONTROL_DT,
     timestep=CONTROL_DT,
-    capabilities=frozenset({"exact_restore", "rgb"}),
+    capabilities=frozenset({Capability.EXACT_RESTORE, Capability.RGB}),
 )
 STEP = np.array(SPEC.action_speed) * CONTROL_DT
 SNAPSHOT_HEADER = spec_digest(SPEC)

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from causalbench.core.world.capabilities import Capability
 from causalbench.core.world.layout import Carry
 from causalbench.core.world.scene import ACTION_SPEED, SceneSpec
 
@@ -17,7 +18,7 @@ LEAD = 0.02  # m and rad by which the reference may run ahead of a base that som
 
 
 ACTIONS = ("forward", "turn")
-CAPABILITIES = frozenset({"mobile_base", "lidar"})
+DRIVING_CAPABILITIES = frozenset({Capability.MOBILE_BASE, Capability.LIDAR})
 SPEED = np.array([ACTION_SPEED[name] for name in ACTIONS])  # m/s, rad/s
 
 
@@ -28,7 +29,7 @@ def driving_spec(spec: SceneSpec, carry: Carry, lidar_position: tuple[float, flo
         actions=(*ACTIONS, *spec.actions),
         action_speed=(*SPEED.tolist(), *spec.action_speed),
         workspace=replace(spec.workspace, carry=carry),
-        capabilities=spec.capabilities | CAPABILITIES,
+        capabilities=spec.capabilities | DRIVING_CAPABILITIES,
         lidar_position=lidar_position,
     )
 

@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from causalbench.core.numerics import rotations
+from causalbench.core.world.facts import Facts
 from causalbench.core.world.layout import Layout
-from causalbench.core.world.scene import Facts
 from causalbench.errors import UnreachableLayoutError, UserError
 
 MAX_TARGET_DT = 0.025  # s between new servo targets: in larger strides joints reach the lead limit and the hand swerves

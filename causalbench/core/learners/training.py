@@ -28,6 +28,7 @@ from causalbench.core.staged.env import StageTaskEnv
 from causalbench.core.staged.vector_env import StageTaskVectorEnv
 from causalbench.core.tasks.task import Task
 from causalbench.core.world.batch import make_batch
+from causalbench.core.world.capabilities import Capability
 from causalbench.core.world.scene import Scene, SceneSpec
 from causalbench.errors import DivergedError, UserError
 
@@ -58,7 +59,7 @@ def train(
 
     With `checkpoints`, a call that was killed goes on from its last checkpoint when it is repeated, and ends with the
     same bits as an uninterrupted one; `on_evaluation` first gets the evaluations made before. A backend that lacks
-    "exact_restore" starts again instead.
+    `EXACT_RESTORE` starts again instead.
 
     Raises `InvalidGraphError` for a missing or wrong graph, `CheckpointError` for a checkpoint that is not this
     run's, `UserError` for settings of another learner, and `DivergedError` for a loss that explodes or is not finite.
@@ -84,7 +85,7 @@ def train(
         counter = Counter(task.n_stages, env.num_envs)
         obs, _ = env.reset(seed=seed)
         history: list[Evaluation] = []
-        if checkpoints and "exact_restore" not in env.batch.spec.capabilities:
+        if checkpoints and Capability.EXACT_RESTORE not in env.batch.spec.capabilities:
             LOG.info("backend %s does not restore exactly: no checkpoints are kept", env.batch.spec.backend)
             checkpoints = None
         if checkpoints:

@@ -13,9 +13,10 @@ from causalbench.core.tasks.stages import judge
 from causalbench.core.tasks.task import Task
 from causalbench.core.world.batch import BatchScene, SceneList
 from causalbench.core.world.cameras import HEIGHT, WIDTH
+from causalbench.core.world.facts import Facts
 from causalbench.core.world.layout import Layout
 from causalbench.core.world.lidar import MAX_RANGE, N_RAYS
-from causalbench.core.world.scene import Facts, Scene, SceneSpec
+from causalbench.core.world.scene import Scene, SceneSpec
 from causalbench.errors import InvalidActionError, LayoutDrawError, UnreachableLayoutError, UserError
 
 MAX_DRAWS = 200

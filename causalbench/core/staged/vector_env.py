@@ -14,7 +14,8 @@ from causalbench.core.staged.env import Observation, Observe, Observer, action_c
 from causalbench.core.tasks.stages import judge
 from causalbench.core.tasks.task import Task
 from causalbench.core.world.batch import BatchScene
-from causalbench.core.world.scene import Facts, check_action
+from causalbench.core.world.facts import Facts
+from causalbench.core.world.scene import check_action
 
 
 class StageTaskVectorEnv(gym.vector.VectorEnv[Observation, NDArray[Any], NDArray[Any]]):

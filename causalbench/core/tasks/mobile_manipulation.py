@@ -19,8 +19,9 @@ from causalbench.core.tasks import rooms
 from causalbench.core.tasks.reward_scales import ANGLE_SCALE, COLLISION, DISTANCE_SCALE, HORIZON, STAGE_BONUS
 from causalbench.core.tasks.stages import active_terms
 from causalbench.core.tasks.task import CausalSets, Task, Term, causal_sets, named_constants
+from causalbench.core.world.facts import Facts
 from causalbench.core.world.layout import Box, Carry, Layout, Workspace
-from causalbench.core.world.scene import Facts, SceneSpec
+from causalbench.core.world.scene import SceneSpec
 from causalbench.errors import UserError
 
 Array = NDArray[np.float64]

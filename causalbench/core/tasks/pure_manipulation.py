@@ -18,8 +18,9 @@ from causalbench.core.numerics.gufunc import broadcast, scalar
 from causalbench.core.tasks.reward_scales import ANGLE_SCALE, COLLISION, DISTANCE_SCALE, HORIZON, STAGE_BONUS
 from causalbench.core.tasks.stages import active_terms
 from causalbench.core.tasks.task import CausalSets, Task, Term, causal_sets, named_constants
+from causalbench.core.world.facts import Facts
 from causalbench.core.world.layout import Box, Layout, Workspace
-from causalbench.core.world.scene import Facts, SceneSpec
+from causalbench.core.world.scene import SceneSpec
 
 Array = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from causalbench.core.tasks.task import Task, Term
-from causalbench.core.world.scene import Facts
+from causalbench.core.world.facts import Facts
 
 Array = NDArray[np.float64]
 

@@ -9,8 +9,9 @@ from typing import Any, Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from causalbench.core.world.facts import Facts
 from causalbench.core.world.layout import Layout, Workspace
-from causalbench.core.world.scene import Facts, SceneSpec
+from causalbench.core.world.scene import SceneSpec
 
 Array = NDArray[np.float64]
 CausalSets = Mapping[int, Mapping[str, frozenset[str]]]

@@ -9,8 +9,10 @@ from dataclasses import fields
 import numpy as np
 from numpy.typing import NDArray
 
+from causalbench.core.world.capabilities import Capability
+from causalbench.core.world.facts import Facts
 from causalbench.core.world.layout import Layout
-from causalbench.core.world.scene import Facts, Scene, SceneSpec
+from causalbench.core.world.scene import Scene, SceneSpec
 from causalbench.errors import CausalbenchError
 
 Array = NDArray[np.float64]
@@ -40,11 +42,11 @@ class BatchScene(ABC):
 
     def lidar(self) -> Array:
         """Ranges (n, 220), see `Scene.lidar`."""
-        raise CausalbenchError(f"backend {self.spec.backend!r} has no capability 'lidar'")
+        raise CausalbenchError(f"backend {self.spec.backend!r} has no capability {Capability.LIDAR!r}")
 
     def render(self, width: int, height: int, camera: str = "scene") -> NDArray[np.uint8]:
         """RGB images (n, height, width, 3), see `Scene.render`."""
-        raise CausalbenchError(f"backend {self.spec.backend!r} has no capability 'rgb'")
+        raise CausalbenchError(f"backend {self.spec.backend!r} has no capability {Capability.RGB!r}")
 
     @abstractmethod
     def snapshots(self) -> list[bytes]:

@@ -56,7 +56,7 @@ class Layout:
     """A start, in the world frame. `fixtures` never move; `target` is the free object of the task.
 
     A target of mass 0 is a mark in space: it neither moves nor touches anything, and no ray meets it. Only scenes with
-    the capability "mobile_base" take one.
+    the capability `MOBILE_BASE` take one.
     """
 
     fixtures: tuple[Box, ...]

@@ -15,11 +15,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from causalbench.core.world.capabilities import Capability
+from causalbench.core.world.facts import Facts
 from causalbench.core.world.layout import Layout, Workspace
 from causalbench.errors import CausalbenchError, InvalidActionError
 
 Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 ACTION_SPEED: Mapping[str, float] = {
     "forward": 0.6,  # m/s of the base at |a| = 1
@@ -41,9 +42,9 @@ class SceneSpec:
 
     `actions` are the names the scene supports, in the order of `ACTION_SPEED`; `action_speed` is the
     declared speed of each at |a| = 1 in m/s or rad/s; `max_opening` the distance between open finger pads
-    in metres; `control_dt` and `timestep` are seconds. Capabilities: "rgb", "lidar", "exact_restore",
-    "mobile_base", "physics". Without "exact_restore", `restore_error` says how far any number in facts may be off in 15
-    steps after a restore. `lidar_position` is where the scanner sits in the base frame, metres.
+    in metres; `control_dt` and `timestep` are seconds; `capabilities` are some of `SCENE_CAPABILITIES`. Without
+    `EXACT_RESTORE`, `restore_error` says how far any number in facts may be off in 15 steps after a restore.
+    `lidar_position` is where the scanner sits in the base frame, metres.
     """
 
     backend: str
@@ -57,33 +58,9 @@ class SceneSpec:
     max_opening: float
     control_dt: float
     timestep: float
-    capabilities: frozenset[str]
+    capabilities: frozenset[Capability]
     restore_error: float = 0.0
     lidar_position: tuple[float, float, float] | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Facts:
-    """All that a task may see, at the end of a control step, in the world frame.
-
-    Shapes are those of one world; all fields may carry the same one leading batch dimension. Arrays are the
-    reader's own: never views of simulator memory. A collision flag is true if the contact exists at the end of
-    the control step; the arm includes the gripper; the floor counts as every other thing that is not the robot;
-    contact with the task object is not a collision. `holding` is
-    true when both finger pads press on the task object.
-    """
-
-    eef_position: Array  # (..., 3) m
-    eef_quaternion: Array  # (..., 4)
-    gripper_opening: Array  # (...) m between the finger pads
-    holding: Flags  # (...)
-    object_position: Array  # (..., 3) m, centre of the task object
-    object_quaternion: Array  # (..., 4)
-    base_pose: Array  # (..., 3) x m, y m, yaw rad
-    base_velocity: Array  # (..., 2) forward m/s, turn rad/s
-    collision_base: Flags  # (...)
-    collision_arm: Flags  # (...)
-    collision_self: Flags  # (...)
 
 
 class Scene(ABC):
@@ -119,27 +96,27 @@ class Scene(ABC):
     def restore(self, snapshot: bytes) -> None:
         """Return to a snapshot made by any scene of an equal spec, also in another process.
 
-        With the capability "exact_restore" every later step is bit-identical to the first time, else
+        With the capability `EXACT_RESTORE` every later step is bit-identical to the first time, else
         within `spec.restore_error`.
         Raises `SnapshotError`.
         """
 
     def render(self, width: int, height: int, camera: str = "scene") -> NDArray[np.uint8]:
-        """RGB image (height, width, 3), the caller's own; needs the capability "rgb".
+        """RGB image (height, width, 3), the caller's own; needs the capability `RGB`.
 
         `cameras.find_camera` knows where the camera stands. Drawing changes nothing in the world, and nothing that
         draws is imported before the first picture. Raises `UnknownNameError` for a camera that does not exist and
         `CausalbenchError` where what draws is missing on this machine.
         """
-        raise CausalbenchError(f"backend {self.spec.backend!r} has no capability 'rgb'")
+        raise CausalbenchError(f"backend {self.spec.backend!r} has no capability {Capability.RGB!r}")
 
     def lidar(self) -> Array:
-        """Ranges (220,) float64 in metres, from right to left; needs the capability "lidar".
+        """Ranges (220,) float64 in metres, from right to left; needs the capability `LIDAR`.
 
         Level rays from `spec.lidar_position` at `lidar.ANGLES` from straight ahead (paper, appendix A). They meet
         fixtures, not the robot and not the target; `lidar.MAX_RANGE` where they meet none.
         """
-        raise CausalbenchError(f"backend {self.spec.backend!r} has no capability 'lidar'")
+        raise CausalbenchError(f"backend {self.spec.backend!r} has no capability {Capability.LIDAR!r}")
 
     def close(self) -> None:  # noqa: B027 - optional; a scene without resources has nothing to release
         """Release what the scene holds; may be called twice."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from causalbench.core.world.capabilities import Capability
 from causalbench.plugins.hookspecs import Backend, hookimpl
 
 if TYPE_CHECKING:
@@ -12,7 +13,7 @@ if TYPE_CHECKING:
 
 ENGINE, ROBOT = "MuJoCo", "six-hinge arm"
 MODULES = ("mujoco",)
-CAPABILITIES = frozenset({"exact_restore", "physics"})
+CAPABILITIES = frozenset({Capability.EXACT_RESTORE, Capability.PHYSICS})
 
 
 def make() -> Scene:

@@ -11,8 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 from causalbench.core.kit import arm_ik, stepping
 from causalbench.core.kit.snapshots import SnapshotCodec
 from causalbench.core.numerics import rotations
+from causalbench.core.world.facts import Facts
 from causalbench.core.world.layout import Box, Layout, Workspace
-from causalbench.core.world.scene import ACTION_SPEED, Facts, Scene, SceneSpec, check_action
+from causalbench.core.world.scene import ACTION_SPEED, Scene, SceneSpec, check_action
 from causalbench_hinge_arm import CAPABILITIES, ENGINE, ROBOT
 
 Array = NDArray[np.float64]

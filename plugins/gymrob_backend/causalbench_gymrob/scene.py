@@ -13,10 +13,11 @@ from causalbench.core.kit import contacts as readings
 from causalbench.core.kit.robots.fetch import ACTIONS, ARM_STARTS, FINGER_STROKE, WORKSPACE
 from causalbench.core.kit.snapshots import SnapshotCodec
 from causalbench.core.world.cameras import find_camera
+from causalbench.core.world.facts import Facts
 from causalbench.core.world.layout import Layout
-from causalbench.core.world.scene import ACTION_SPEED, Facts, Scene, SceneSpec, check_action
+from causalbench.core.world.scene import ACTION_SPEED, Scene, SceneSpec, check_action
 from causalbench.errors import CausalbenchError
-from causalbench_gymrob import __version__, control
+from causalbench_gymrob import CAPABILITIES, __version__, control
 from causalbench_gymrob.engine import mujoco
 from causalbench_gymrob.world import World
 
@@ -43,7 +44,7 @@ class GymrobScene(Scene):
             max_opening=self._world.gap + 2 * FINGER_STROKE,
             control_dt=self.substeps * timestep,
             timestep=timestep,
-            capabilities=frozenset({"exact_restore", "physics", "rgb"}),
+            capabilities=CAPABILITIES,
         )
         self._codec = SnapshotCodec(self.spec)
         self._parts = stepping.target_parts(self.substeps, timestep)

@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from causalbench.core.kit.base_following import CAPABILITIES
+from causalbench.core.kit.base_following import DRIVING_CAPABILITIES
+from causalbench.core.world.capabilities import Capability
 from causalbench.plugins.hookspecs import Backend, hookimpl
 
 if TYPE_CHECKING:
     from causalbench.core.world.scene import Scene
 
 __version__ = "0.1.0"
+CAPABILITIES = frozenset({Capability.EXACT_RESTORE, Capability.PHYSICS, Capability.RGB})
 
 # On a base that can give way the solver converges more slowly: with 20 passes a held box turns in the hand.
 ITERATIONS, MOBILE_ITERATIONS = 20, 50
@@ -44,5 +46,6 @@ def make(
 def causalbench_backends(register: Callable[[Backend], None]) -> None:
     """Register the backend "pybullet"."""
     modules = ("pybullet", "mujoco", "gymnasium_robotics")
-    capabilities = frozenset({"exact_restore", "physics", "rgb"})
-    register(Backend("pybullet", make, "Bullet", "Fetch", modules, capabilities, mobile_capabilities=CAPABILITIES))
+    register(
+        Backend("pybullet", make, "Bullet", "Fetch", modules, CAPABILITIES, mobile_capabilities=DRIVING_CAPABILITIES)
+    )

@@ -11,10 +11,11 @@ from causalbench.core.kit import arm_ik, stepping
 from causalbench.core.kit.robots import fetch
 from causalbench.core.kit.snapshots import SnapshotCodec
 from causalbench.core.world.cameras import find_camera
+from causalbench.core.world.facts import Facts
 from causalbench.core.world.layout import Layout
-from causalbench.core.world.scene import ACTION_SPEED, Facts, Scene, SceneSpec, check_action
+from causalbench.core.world.scene import ACTION_SPEED, Scene, SceneSpec, check_action
 from causalbench.errors import CausalbenchError, UserError
-from causalbench_pybullet import __version__, robot
+from causalbench_pybullet import CAPABILITIES, __version__, robot
 from causalbench_pybullet.reading import read_contacts, read_poses
 from causalbench_pybullet.world import World, shapes_of
 
@@ -46,7 +47,7 @@ class PybulletScene(Scene):
             max_opening=self._robot.gap + 2 * fetch.FINGER_STROKE,
             control_dt=self.substeps * timestep,
             timestep=timestep,
-            capabilities=frozenset({"exact_restore", "physics", "rgb"}),
+            capabilities=CAPABILITIES,
         )
         self._iterations = solver_iterations
         self._codec = SnapshotCodec(self.spec)

@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from causalbench.core.kit.base_following import CAPABILITIES
+from causalbench.core.kit.base_following import DRIVING_CAPABILITIES
+from causalbench.core.world.capabilities import Capability
 from causalbench.plugins.hookspecs import Backend, hookimpl
 
 if TYPE_CHECKING:
     from causalbench.core.world.scene import Scene
 
 __version__ = "0.1.0"
+CAPABILITIES = frozenset({Capability.EXACT_RESTORE, Capability.PHYSICS, Capability.RGB})
 
 
 def make(control_hz: float = 10.0, timestep: float = 0.002, mobile: bool = False) -> Scene:
@@ -36,5 +38,7 @@ def make(control_hz: float = 10.0, timestep: float = 0.002, mobile: bool = False
 @hookimpl
 def causalbench_backends(register: Callable[[Backend], None]) -> None:
     """Register the backend "robosuite"."""
-    modules, capabilities = ("mujoco", "robosuite"), frozenset({"exact_restore", "physics", "rgb"})
-    register(Backend("robosuite", make, "MuJoCo", "Panda", modules, capabilities, mobile_capabilities=CAPABILITIES))
+    modules = ("mujoco", "robosuite")
+    register(
+        Backend("robosuite", make, "MuJoCo", "Panda", modules, CAPABILITIES, mobile_capabilities=DRIVING_CAPABILITIES)
+    )

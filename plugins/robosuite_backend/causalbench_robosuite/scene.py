@@ -11,10 +11,11 @@ from causalbench.core.kit import arm_ik, stepping
 from causalbench.core.kit import contacts as readings
 from causalbench.core.kit.snapshots import SnapshotCodec
 from causalbench.core.world.cameras import find_camera
+from causalbench.core.world.facts import Facts
 from causalbench.core.world.layout import Layout, Workspace
-from causalbench.core.world.scene import ACTION_SPEED, Facts, Scene, SceneSpec, check_action
+from causalbench.core.world.scene import ACTION_SPEED, Scene, SceneSpec, check_action
 from causalbench.errors import CausalbenchError
-from causalbench_robosuite import __version__, control, structs
+from causalbench_robosuite import CAPABILITIES, __version__, control, structs
 from causalbench_robosuite.engine import mujoco
 from causalbench_robosuite.model import FINGER_STROKE, gains
 from causalbench_robosuite.world import World
@@ -63,7 +64,7 @@ class RobosuiteScene(Scene):
             max_opening=self._world.gap + 2 * FINGER_STROKE,
             control_dt=self.substeps * timestep,
             timestep=timestep,
-            capabilities=frozenset({"exact_restore", "physics", "rgb"}),
+            capabilities=CAPABILITIES,
         )
         self._codec = SnapshotCodec(self.spec)
         self._law = structs.Law(*gains(), UNCOUPLED, LEAD, TURN_LEAD, GRIP_LEAD)

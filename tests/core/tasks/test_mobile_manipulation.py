@@ -15,7 +15,7 @@ from causalbench.core.tasks import mobile_manipulation as task
 from causalbench.core.tasks import rooms
 from causalbench.core.tasks.stages import judge
 from causalbench.core.world.batch import select, stack
-from causalbench.core.world.scene import Facts
+from causalbench.core.world.facts import Facts
 from causalbench.errors import UserError
 from causalbench.plugins.manager import installed, scene_maker
 from causalbench.registration import make_env

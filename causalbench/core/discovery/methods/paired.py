@@ -25,6 +25,7 @@ from causalbench.core.discovery.graph import EvidenceColumn, StageGraph, declare
 from causalbench.core.discovery.registry import NO_SAMPLES, Discoverer, StageProblem
 from causalbench.core.discovery.samples.transitions import Samples
 from causalbench.core.discovery.truth.effects import ABSENT_BELOW, STRONG_ABOVE, effects
+from causalbench.core.world.capabilities import Capability
 from causalbench.errors import UndecidedStageError
 
 if TYPE_CHECKING:
@@ -59,7 +60,7 @@ def measure(problem: StageProblem) -> tuple[StageGraph, Walk]:
     scene, budget = problem.scene(), problem.options.max_actions * settings.action_repeat
     rng = np.random.default_rng([problem.seed, stage, STREAM])
     walk = Walk(task, scene, stage, rng, settings.sequence_length, settings.action_repeat)
-    edges = _Edges(walk, "exact_restore" in scene.spec.capabilities)
+    edges = _Edges(walk, Capability.EXACT_RESTORE in scene.spec.capabilities)
     next_look, most = FIRST_LOOK, (len(task.actions) + 3) * settings.action_repeat  # that one state takes
     while edges.open.any() and edges.env_steps + most <= budget:
         edges.measure()

@@ -14,7 +14,7 @@ from causalbench.core.tasks.stages import judge
 from causalbench.core.tasks.task import Task
 from causalbench.core.world.batch import BatchScene
 from causalbench.core.world.cameras import HEIGHT, WIDTH
-from causalbench.core.world.scene import Facts
+from causalbench.core.world.facts import Facts
 
 
 def collect(

@@ -9,7 +9,8 @@ from causalbench.core.discovery.samples.collect import model_inputs
 from causalbench.core.staged.env import StageTaskEnv
 from causalbench.core.tasks.stages import Transition, judge
 from causalbench.core.tasks.task import Task
-from causalbench.core.world.scene import Facts, Scene
+from causalbench.core.world.facts import Facts
+from causalbench.core.world.scene import Scene
 
 Array = NDArray[np.float64]
 

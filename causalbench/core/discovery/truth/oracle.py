@@ -18,6 +18,7 @@ from causalbench.core.discovery.graph import CausalGraph, StageGraph, declared_m
 from causalbench.core.discovery.truth.counterfactual import Walk
 from causalbench.core.discovery.truth.effects import ABSENT_BELOW, STRONG_ABOVE, effects
 from causalbench.core.tasks.task import Task
+from causalbench.core.world.capabilities import Capability
 from causalbench.core.world.scene import Scene
 
 ORACLE_STATES = 400  # visited states per stage
@@ -122,5 +123,5 @@ def _stage_truth(
         on_progress((stage - 1 + (n + 1) / states) / task.n_stages, f"stage {stage}: oracle")
     squares = np.square(rewards[:, 1:] - rewards[:, :1])
     effect, low, high = effects(rewards[:, 0], squares, sequence, rng, CONFIDENCE)
-    exact = "exact_restore" in scene.spec.capabilities
+    exact = Capability.EXACT_RESTORE in scene.spec.capabilities
     return StageTruth(stage, task.actions, terms, effect[1:], low[1:], high[1:], effect[0], exact)
