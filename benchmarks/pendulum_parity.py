@@ -31,13 +31,12 @@ from causalbench.core.learners.ppo.settings import PPOSettings
 from causalbench.core.learners.ppo.staged import StagedPPO
 from causalbench.core.learners.sac.settings import SACSettings
 from causalbench.core.learners.sac.staged import StagedSAC
-from causalbench.core.learners.settings import LearnerSettings
 from causalbench.core.tasks.task import Term
 
 EPISODES, EPISODE_STEPS = 10, 200
 HIGH = np.array([1.0, 1.0, 8.0], dtype=np.float32)  # of Pendulum's observation
 SCALE = ObservationScale(tuple(map(float, -HIGH)), tuple(map(float, HIGH)))
-SETTINGS: dict[str, LearnerSettings] = {
+SETTINGS: dict[str, SACSettings | PPOSettings] = {
     "SAC": SACSettings(
         batch_size=256, learning_rate=1e-3, buffer_size=10_000, learning_starts=500, train_every=1,
         updates_per_sample=1.0, ent_coef_init=1.0,

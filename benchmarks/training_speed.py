@@ -16,16 +16,14 @@ import torch
 
 from causalbench.core.discovery.graph import manual_graph
 from causalbench.core.learners.methods import METHODS
-from causalbench.core.learners.ppo.settings import PPOSettings
-from causalbench.core.learners.sac.settings import SACSettings
-from causalbench.core.learners.settings import EvaluationSettings, LearnerSettings
-from causalbench.core.learners.training import train
+from causalbench.core.learners.registry import TrainingProblem
+from causalbench.core.learners.settings import EvaluationSettings
 from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench.core.world.scene import Scene
 from causalbench.plugins.manager import installed
 
 STEPS, TURNS = 1_500, 3
-SETTINGS: dict[str, LearnerSettings] = {"SAC": SACSettings(learning_starts=100), "PPO": PPOSettings(n_steps=512)}
+CHANGED = {"SAC": {"learning_starts": 100}, "PPO": {"n_steps": 512}}
 METHOD = {method.name: method for method in METHODS}
 RIVALS = ("SAC", "mSAC", "cmmSAC", "PPO", "mPPO", "cmmPPO")
 
@@ -43,10 +41,14 @@ def seconds(name: str, make_scene: Callable[[], Scene], seed: int) -> float:
             raise Enough
 
     method = METHOD[name]
-    settings, rarely = SETTINGS[method.learner], EvaluationSettings(every=10 * STEPS)
+    learner = installed().learner(method.learner)
+    settings, rarely = learner.settings(**CHANGED[name[-3:]]), EvaluationSettings(every=10 * STEPS)
     graph = manual_graph(TASK) if method.matrix == "manual" else None
+    problem = TrainingProblem(
+        TASK, make_scene, method, graph, settings, rarely, STEPS, seed, lambda *_: None, on_progress
+    )
     with contextlib.suppress(Enough):
-        train(TASK, make_scene, method, graph, settings, rarely, STEPS, seed, lambda *_: None, on_progress)
+        learner.train(problem)
     return (time.thread_time() - started) / STEPS
 
 
@@ -59,7 +61,7 @@ def main() -> None:
         medians = {name: statistics.median(turn[name] for turn in turns) for name in RIVALS}
         print(f"{backend}, networks 64-64")
         for name, taken in medians.items():
-            print(f"  {name:7s} {1 / taken:5.0f} env steps/s, {medians[METHOD[name].learner] / taken:.2f} of SB3's")
+            print(f"  {name:7s} {1 / taken:5.0f} env steps/s, {medians[name[-3:]] / taken:.2f} of SB3's")
 
 
 if __name__ == "__main__":

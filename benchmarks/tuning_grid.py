@@ -20,7 +20,7 @@ import pandas as pd
 import yaml
 from pages import DOCS
 
-from causalbench.core.learners.settings import PRESETS
+from causalbench.core.learners.registry import LEARNERS
 from causalbench.report.stats import area_under
 
 GRID = {
@@ -44,7 +44,7 @@ def run(family: str, settings: dict[str, float], folder: Path) -> pd.DataFrame:
         "methods": METHODS[family],
         "tiers": {"quick": {"seeds": max(SEEDS) + 1, "env_steps": STEPS}},
         "evaluation": {"every": 2_500, "episodes": 5, "final_episodes": 20},
-        "learner": {family: settings},
+        "learner": settings,
     }
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "tuning.yaml"
@@ -73,7 +73,7 @@ def chosen(grid: pd.DataFrame) -> pd.DataFrame:
     rows = []
     for method, here in grid.groupby("method", sort=False):
         family = next(family for family, methods in METHODS.items() if method in methods)
-        preset = PRESETS[family]["quick"]
+        preset = LEARNERS[family].presets["quick"]
         start = (preset.learning_rate, getattr(preset, GRID[family][0]))
         points = {
             point: [tuple(score) for score in at.sort_values("seed")[SCORE].to_numpy()]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,11 +12,11 @@ import gymnasium as gym
 from causalbench.core.discovery import pipeline
 from causalbench.core.discovery.graph import CausalGraph
 from causalbench.core.discovery.settings import DiscoverySettings
-from causalbench.core.learners import training
 from causalbench.core.learners.checkpoint import Checkpoints
-from causalbench.core.learners.policy import StagedPolicy
 from causalbench.core.learners.records import Evaluation, TrainingCounts
-from causalbench.core.learners.settings import PRESETS, EvaluationSettings, LearnerSettings
+from causalbench.core.learners.registry import Learner, Policy, TrainingProblem
+from causalbench.core.learners.settings import EvaluationSettings, observed
+from causalbench.core.learners.training_graph import training_graph
 from causalbench.core.staged.env import StageTaskEnv
 from causalbench.core.tasks.task import Task
 from causalbench.core.world.scene import Scene
@@ -24,10 +24,10 @@ from causalbench.errors import UserError
 from causalbench.plugins.manager import installed
 
 
-class Trained(NamedTuple):
+class TrainingRun(NamedTuple):
     """What `train` returns."""
 
-    policy: StagedPolicy
+    policy: Policy
     evaluations: list[Evaluation]
     counts: TrainingCounts
 
@@ -56,35 +56,50 @@ def train(
     graph: CausalGraph | None = None,
     env_steps: int = 20_000,
     seed: int = 0,
-    settings: LearnerSettings | None = None,
+    settings: Any = None,
     evaluation: EvaluationSettings = EvaluationSettings(),  # noqa: B008 - frozen
     checkpoint: Path | str | None = None,
     on_progress: Callable[[float, str], None] = _silent,
-) -> Trained:
+) -> TrainingRun:
     """Train `method` on `env`'s task, in scenes of its own like that of `env` (paper, Algorithm 3).
 
-    `graph` is what a method with a discovered matrix needs; `settings` are the quick tier's if None; the policy
-    observes what `env` does. With the file `checkpoint`, a call that was killed goes on there when it is repeated.
-    Raises as `core.learners.training.train`, and `UserError` unless `make_env` made `env`.
+    `graph` is what a method with a discovered matrix needs; `settings` is a record of the method's learner, None for
+    its defaults; the policy observes what `env` does. With the file `checkpoint`, a call that was killed goes on there
+    when it is repeated. Raises `InvalidGraphError` for a missing or wrong graph, `CheckpointError` for a checkpoint of
+    another run, `DivergedError` for a loss that explodes, and `UserError` for the settings of another learner or an
+    environment that `make_env` did not make.
     """
-    task, make_scene, observed = _parts(env)
+    task, make_scene, seen = _parts(env)
     chosen = installed().method(method)
-    settings = settings or PRESETS[chosen.learner]["quick"]
+    learner = installed().learner(chosen.learner)
     evaluations: list[Evaluation] = []
-    policy, counts = training.train(
-        task,
-        make_scene,
-        chosen,
-        graph,
-        dataclasses.replace(settings, **observed),
-        evaluation,
-        env_steps,
-        seed,
-        lambda done, _: evaluations.append(done),
-        on_progress,
-        Checkpoints(Path(checkpoint)) if checkpoint else None,
+    problem = TrainingProblem(
+        task=task,
+        make_scene=make_scene,
+        method=chosen,
+        graph=training_graph(task, chosen, graph, make_scene, seed),
+        settings=_observing(learner, settings or learner.settings(), seen),
+        evaluation=evaluation,
+        env_steps=env_steps,
+        seed=seed,
+        on_evaluation=lambda done, _: evaluations.append(done),
+        on_progress=on_progress,
+        checkpoints=Checkpoints(Path(checkpoint)) if checkpoint else None,
     )
-    return Trained(policy, evaluations, counts)
+    policy, counts = learner.train(problem)
+    return TrainingRun(policy, evaluations, counts)
+
+
+def _observing(learner: Learner, settings: Any, seen: Mapping[str, Any]) -> Any:
+    """`settings` with which a policy observes what is in `seen`. Raises `UserError` where that cannot be."""
+    expected: type[Any] = learner.settings
+    if not isinstance(settings, expected):
+        raise UserError(f"learner {learner.name!r} takes {expected.__name__}, got {type(settings).__name__}")
+    given: dict[str, Any] = dataclasses.asdict(settings)
+    differing = {key: value for key, value in seen.items() if value != observed(given)[key]}
+    for key in differing.keys() - given.keys():
+        raise UserError(f"learner {learner.name!r} has no setting {key!r}, and `env` was made with {differing[key]!r}")
+    return dataclasses.replace(settings, **differing)
 
 
 def _parts(env: gym.Env[Any, Any]) -> tuple[Task, Callable[[], Scene], dict[str, Any]]:

@@ -10,6 +10,7 @@ from causalbench.core.kinematic import make as make_kinematic
 from causalbench.core.kinematic.worlds import SPEC
 from causalbench.core.kit.base_following import DRIVING_CAPABILITIES
 from causalbench.core.learners.methods import METHODS, Method
+from causalbench.core.learners.registry import LEARNERS, Learner
 from causalbench.core.tasks.mobile_manipulation import TASK as MOBILE_MANIPULATION
 from causalbench.core.tasks.pure_manipulation import TASK as PURE_MANIPULATION
 from causalbench.core.tasks.task import Task
@@ -45,6 +46,13 @@ def causalbench_methods(register: Callable[[Method], None]) -> None:
     """The paper's methods."""
     for method in METHODS:
         register(method)
+
+
+@hookimpl
+def causalbench_learners(register: Callable[[Learner], None]) -> None:
+    """One agent per stage, and stable-baselines3's own."""
+    for learner in LEARNERS.values():
+        register(learner)
 
 
 @hookimpl

@@ -15,6 +15,7 @@ import pluggy
 if TYPE_CHECKING:
     from causalbench.core.discovery.registry import Discoverer
     from causalbench.core.learners.methods import Method
+    from causalbench.core.learners.registry import Learner
     from causalbench.core.tasks.task import Task
     from causalbench.core.world.capabilities import Capability
     from causalbench.core.world.scene import Scene
@@ -58,6 +59,11 @@ def causalbench_tasks(register: Callable[[Task], None]) -> None:
 @hookspec
 def causalbench_methods(register: Callable[[Method], None]) -> None:
     """Call `register(Method(...))` once per row of the method table."""
+
+
+@hookspec
+def causalbench_learners(register: Callable[[Learner], None]) -> None:
+    """Call `register(Learner(...))` once per learning algorithm."""
 
 
 @hookspec

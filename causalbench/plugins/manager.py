@@ -19,6 +19,7 @@ import pluggy
 from causalbench._version import __version__
 from causalbench.core.discovery.registry import Discoverer
 from causalbench.core.learners.methods import Method
+from causalbench.core.learners.registry import Learner
 from causalbench.core.tasks.task import Task
 from causalbench.core.world.capabilities import Capability
 from causalbench.core.world.scene import Scene
@@ -27,6 +28,8 @@ from causalbench.plugins import hookspecs
 from causalbench.plugins.hookspecs import Backend
 
 GROUP = "causalbench"
+KINDS = ("backends", "tasks", "methods", "learners", "discoverers")
+"""What plugins register: `causalbench_KIND` is the hook, and `Plugins.KIND` has the rows by name."""
 OWN_DISTRIBUTION = "causalbench-robotics"
 LIST_COMMAND = "`causalbench backends` lists what is installed."
 
@@ -37,6 +40,7 @@ class _Named(Protocol):
 
 
 NamedT = TypeVar("NamedT", bound=_Named)
+OptionalT = TypeVar("OptionalT", Discoverer, Learner)
 
 
 @dataclass(frozen=True)
@@ -55,6 +59,7 @@ class Plugins:
     backends: dict[str, Backend] = field(default_factory=dict)
     tasks: dict[str, Task] = field(default_factory=dict)
     methods: dict[str, Method] = field(default_factory=dict)
+    learners: dict[str, Learner] = field(default_factory=dict)
     discoverers: dict[str, Discoverer] = field(default_factory=dict)
     owners: dict[str, PluginRow] = field(default_factory=dict)
     rows: list[PluginRow] = field(default_factory=list)
@@ -88,13 +93,11 @@ class Plugins:
 
     def discoverer(self, name: str) -> Discoverer:
         """The discoverer `name`; an `UnknownNameError`, or a `UserError` that says how to install what it lacks."""
-        found = _look_up("discoverer", name, self.discoverers)
-        missing = _missing(found.modules)
-        if missing:
-            raise UserError(
-                f"discoverer {name!r} needs {', '.join(missing)}, not installed here; run: pip install {found.extra!r}"
-            )
-        return found
+        return _usable("discoverer", name, self.discoverers)
+
+    def learner(self, name: str) -> Learner:
+        """The learner `name`; an `UnknownNameError`, or a `UserError` that says how to install what it lacks."""
+        return _usable("learner", name, self.learners)
 
     def _no_backend(self, name: str) -> UserError:
         for row in self.rows:
@@ -119,6 +122,16 @@ def _look_up(kind: str, name: str, known: Mapping[str, NamedT]) -> NamedT:
     if name not in known:
         raise UnknownNameError(kind, name, known)
     return known[name]
+
+
+def _usable(kind: str, name: str, known: Mapping[str, OptionalT]) -> OptionalT:
+    """The row `name`, whose optional imports are there."""
+    found = _look_up(kind, name, known)
+    if missing := _missing(found.modules):
+        raise UserError(
+            f"{kind} {name!r} needs {', '.join(missing)}, not installed here; run: pip install {found.extra!r}"
+        )
+    return found
 
 
 def scene_maker(backend: Backend, task: Task, options: Mapping[str, Any] | None = None) -> Callable[[], Scene]:
@@ -172,7 +185,7 @@ def _register(manager: pluggy.PluginManager, plugin: ModuleType, row: PluginRow,
     manager.register(plugin)
     try:
         manager.check_pending()
-        found: dict[str, dict[str, Any]] = {"backends": {}, "tasks": {}, "methods": {}, "discoverers": {}}
+        found: dict[str, dict[str, Any]] = {kind: {} for kind in KINDS}
         for caller in manager.get_hookcallers(plugin) or ():
             kind = caller.name.removeprefix("causalbench_")
             register = functools.partial(_add, found[kind], getattr(plugins, kind))
@@ -183,10 +196,8 @@ def _register(manager: pluggy.PluginManager, plugin: ModuleType, row: PluginRow,
         # A misspelt hook left behind would make check_pending fail for every later plugin.
         manager.unregister(plugin)
         raise
-    plugins.backends |= found["backends"]
-    plugins.tasks |= found["tasks"]
-    plugins.methods |= found["methods"]
-    plugins.discoverers |= found["discoverers"]
+    for kind, rows in found.items():
+        getattr(plugins, kind).update(rows)
     plugins.owners |= dict.fromkeys(found["backends"], row)
 
 

@@ -133,25 +133,25 @@ def write_graph(folder: Path, graph: CausalGraph, human: CausalGraph) -> None:
 
 def _learn(cell: LearnerCell, folder: Path, run: RunFolder, on_progress: OnProgress, keeping: Keeping) -> int:
     from causalbench.core.learners.checkpoint import Checkpoints
-    from causalbench.core.learners.training import train
+    from causalbench.core.learners.registry import TrainingProblem
 
     task = installed().task(cell.task.name)
-    graph = _graph(cell, task, run)
     with closing(_Watcher(folder, on_progress, keeping.tensorboard)) as watcher:
-        policy, counts = train(
-            task,
-            scene_factory(cell.backend, task),
-            cell.method,
-            graph,
-            cell.learner,
-            cell.evaluation,
-            cell.env_steps,
-            cell.seed,
-            watcher.on_evaluation,
-            watcher.on_progress,
-            Checkpoints(folder / CHECKPOINT, keeping.checkpoint_every),
+        problem = TrainingProblem(
+            task=task,
+            make_scene=scene_factory(cell.backend, task),
+            method=cell.method,
+            graph=_graph(cell, task, run),
+            settings=cell.learner,
+            evaluation=cell.evaluation,
+            env_steps=cell.env_steps,
+            seed=cell.seed,
+            on_evaluation=watcher.on_evaluation,
+            on_progress=watcher.on_progress,
+            checkpoints=Checkpoints(folder / CHECKPOINT, keeping.checkpoint_every),
         )
-    write_counts(folder / "counts.json", counts, graph)
+        policy, counts = installed().learner(cell.method.learner).train(problem)
+    write_counts(folder / "counts.json", counts, problem.graph)
     write_folder(folder / "policy", policy.save)
     return counts.env_steps
 

@@ -28,6 +28,8 @@ OnCellProgress = Callable[[Cell, Progress], None]
 PRELOAD = [
     "__main__",
     "torch",
+    "causalbench.core.learners.sac.staged",
+    "causalbench.core.learners.ppo.staged",
     "causalbench.core.learners.training",
     "causalbench.core.discovery.pipeline",
     "causalbench.core.discovery.methods.kl.method",

@@ -11,7 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from causalbench.core.learners.evaluation import FIRST_SEED
-from causalbench.core.learners.policy import StagedPolicy, load_policy
+from causalbench.core.learners.policy import load_policy
+from causalbench.core.learners.registry import Policy
+from causalbench.core.learners.settings import observed
 from causalbench.core.staged.env import StageTaskEnv
 from causalbench.errors import UserError
 from causalbench.plugins.manager import installed, scene_maker
@@ -56,20 +58,21 @@ def _film(cell: StoredCell, path: Path, episodes: int) -> Path:
     except ImportError as error:
         raise UserError("videos need `pip install causalbench-robotics[video]`") from error
 
-    identity, learner = cell.identity, cell.identity["learner"]
+    identity = cell.identity
     task = installed().task(identity["task"]["name"])
     backend = installed().backend(identity["backend"]["name"])
     env = StageTaskEnv(
         task,
         scene_maker(backend, task, identity["backend"]["options"])(),
-        observe_gripper=learner["observe_gripper"],
-        observe=learner.get("observation", "state"),
+        None,
+        *observed(identity["learner"]).values(),
     )
     temporary = path.with_name(f".{path.stem}.{os.getpid()}.tmp.mp4")
     title = f"{identity['method']['name']} on {backend.name}, seed {identity['seed']}"
     try:
         with imageio.get_writer(temporary, fps=env.metadata["render_fps"], codec="libx264", quality=8) as writer:
-            policy = load_policy(cell.folder / "policy")
+            load = installed().learner(identity["method"]["learner"]).load_policy or load_policy
+            policy = load(cell.folder / "policy")
             for episode in range(episodes):
                 for frame in film_episode(policy, env, FIRST_SEED + episode, title):
                     writer.append_data(frame)  # type: ignore[attr-defined]
@@ -80,7 +83,7 @@ def _film(cell: StoredCell, path: Path, episodes: int) -> Path:
     return path
 
 
-def film_episode(policy: StagedPolicy, env: StageTaskEnv, seed: int, title: str) -> Iterator[Frame]:
+def film_episode(policy: Policy, env: StageTaskEnv, seed: int, title: str) -> Iterator[Frame]:
     """Pictures (480, 640, 3) of one deterministic episode, with the stage and what happened written on them."""
     obs, info = env.reset(seed=seed, options={"stage": 1})
     stage, over, step = info["stage"], False, 0

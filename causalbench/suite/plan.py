@@ -14,7 +14,7 @@ from typing import Any, ClassVar
 from causalbench._version import __version__
 from causalbench.core.discovery.settings import DiscoverySettings
 from causalbench.core.learners.methods import Method
-from causalbench.core.learners.settings import EvaluationSettings, LearnerSettings
+from causalbench.core.learners.settings import EvaluationSettings
 from causalbench.core.tasks.task import Task
 from causalbench.errors import SuiteError, UnknownNameError, UserError
 from causalbench.plugins.hookspecs import Backend
@@ -78,7 +78,7 @@ class LearnerCell:
     method: Method
     seed: int
     env_steps: int
-    learner: LearnerSettings
+    learner: Any  # the record of the method's learner
     evaluation: EvaluationSettings
     discovery: DiscoveryCell | None
 

@@ -17,17 +17,12 @@ from causalbench.core.discovery.discoverers import DISCOVERERS
 from causalbench.core.discovery.registry import Discoverer
 from causalbench.core.discovery.settings import PRESETS as DISCOVERY_PRESETS
 from causalbench.core.discovery.settings import SHARED, DiscoverySettings
-from causalbench.core.learners.ppo.settings import PPOSettings
-from causalbench.core.learners.sac.settings import SACSettings
-from causalbench.core.learners.settings import PRESETS, EvaluationSettings
+from causalbench.core.learners.registry import LEARNERS
+from causalbench.core.learners.settings import EvaluationSettings
 from causalbench.suite.positions import Location, PositionedYaml
 
 TierName = Literal["smoke", "quick", "full"]
 TIERS: tuple[str, ...] = get_args(TierName)
-
-MAY_BE_ZERO = {"learning_starts", "cooperation_weight", "gae_lambda", "advantage_floor", "ent_coef", "vf_coef"}
-"""Settings that may be 0; every other number in a settings record must be positive, but these:"""
-ANY_SIGN = {"log_std_init"}
 
 
 @dataclass(frozen=True)
@@ -52,7 +47,7 @@ class Patch:
     def fields(self, handler: pydantic.GetCoreSchemaHandler) -> dict[str, core_schema.TypedDictField]:
         """The schema of every key."""
         fields = {
-            name: core_schema.typed_dict_field(handler.generate_schema(_bounded(name, hint)), required=False)
+            name: core_schema.typed_dict_field(handler.generate_schema(hint), required=False)
             for name, hint in get_type_hints(self.settings, include_extras=True).items()
         }
         if self.presets:
@@ -87,7 +82,7 @@ class LearnerPatch:
         """A typed dict, none of whose keys is required."""
         fields: dict[str, core_schema.TypedDictField] = {}
         for patch in self.learners.values():
-            fields |= patch.fields(handler)
+            fields = patch.fields(handler) | fields
         for name, patch in self.learners.items():
             section = core_schema.typed_dict_schema(patch.fields(handler), extra_behavior="forbid")
             fields[name] = core_schema.typed_dict_field(section, required=False)
@@ -147,13 +142,7 @@ class DiscoveryPatch:
         return self.discoverers[name].configure(shared.pop("preset", "quick"), shared, own[name])
 
 
-def _bounded(name: str, hint: Any) -> Any:
-    if hint not in (int, float) or name in ANY_SIGN:
-        return hint
-    return Annotated[hint, Field(ge=0) if name in MAY_BE_ZERO else Field(gt=0)]
-
-
-LEARNER = LearnerPatch({"SAC": Patch(SACSettings, PRESETS["SAC"]), "PPO": Patch(PPOSettings, PRESETS["PPO"])})
+LEARNER = LearnerPatch({name: Patch(row.settings, row.presets) for name, row in LEARNERS.items()})
 EVALUATION = Patch(EvaluationSettings)
 DISCOVERY = DiscoveryPatch(DISCOVERERS)
 PATCHES: Mapping[str, Patch | LearnerPatch | DiscoveryPatch] = {

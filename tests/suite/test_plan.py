@@ -96,7 +96,7 @@ def test_everything_that_determines_a_result_is_in_the_id(tmp_path: Path, plugin
 def test_a_method_whose_learner_does_not_exist_is_named(tmp_path: Path, plugins: Plugins) -> None:
     strange = dataclasses.replace(plugins.method("mSAC"), name="mTD3", learner="TD3")
     with_it = dataclasses.replace(plugins, methods=plugins.methods | {"mTD3": strange})
-    with pytest.raises(SuiteError, match=r"demo.yaml:5: methods.2: its learner 'TD3' is none of SAC, PPO"):
+    with pytest.raises(SuiteError, match=r"demo.yaml:5: methods.2: its learner 'TD3' is none of SAC, PPO, SB3-SAC, SB3-PPO"):
         plan(tmp_path, with_it, SUITE.replace(", mSAC]", ", mTD3]"))
 
 
@@ -128,7 +128,7 @@ def test_overrides_apply_from_suite_to_backend_to_method_to_tier(tmp_path: Path,
         (
             "tau: 0.01}",
             "tau: 0.01,\n  clip_range: 0.1}",
-            "demo.yaml:10: learner.clip_range: a setting of PPO methods, and cmSAC, cmmSAC, mSAC are none",
+            "demo.yaml:10: learner.clip_range: a setting of PPO and SB3-PPO methods, and cmSAC, cmmSAC, mSAC are none",
         ),
         (
             "tau: 0.01}",

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core.learners.policy import StagedPolicy
 from causalbench.core.learners.records import Evaluation
+from causalbench.core.learners.registry import Policy
 from causalbench.core.staged.env import StageTaskEnv
 from causalbench.core.tasks.lift_and_hold import lift_and_hold
 
@@ -27,7 +27,7 @@ class _Outcome:
     returns: NDArray[np.float64]  # (n_terms,)
 
 
-def evaluate(policy: StagedPolicy, env: StageTaskEnv, episodes: int, env_steps: int) -> Evaluation:
+def evaluate(policy: Policy, env: StageTaskEnv, episodes: int, env_steps: int) -> Evaluation:
     """`episodes` deterministic and as many sampled episodes; the box of every grasp is lifted and held.
 
     `env_steps` is the training step to report. The sampled episodes use the policy's own generator.
@@ -54,7 +54,7 @@ def _grasps(env: StageTaskEnv) -> bool:
     return "grip" in env.task.actions
 
 
-def _episode(policy: StagedPolicy, env: StageTaskEnv, seed: int, deterministic: bool) -> _Outcome:
+def _episode(policy: Policy, env: StageTaskEnv, seed: int, deterministic: bool) -> _Outcome:
     obs, _ = env.reset(seed=seed, options={"stage": 1})
     returns, reversals, length = np.zeros(len(env.reward_names)), 0, 0
     over = False

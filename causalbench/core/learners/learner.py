@@ -1,4 +1,4 @@
-"""What the training loop asks of a learner. One implementation a file; `training.LEARNERS` names them."""
+"""What the staged loop asks of a learner. One implementation a file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The table of methods: each of the paper's methods is a configuration of one staged learner, and so is each control.
+"""The table of methods: each of the paper's methods is a configuration of a learner, and so is each control.
 
 A name reads left to right: cm (causal actions and mask) or cmm (the same, matrix by hand), m (one agent a stage, no
 causes) or c (cooperating stages), the learner, and after a hyphen the one thing in which the row differs.
@@ -16,21 +16,20 @@ Control = Literal["none", "shuffled", "redrawn", "plus1", "plus2", "other"]
 class Method:
     """One row of the table.
 
+    `learner`: the name of the registered learner that trains it;
     `action_space`: "causal" builds each stage's policy from its causal actions only (paper, eq. CausalActions);
     `gradient`: "factored" lets action k learn only from the terms it causes (paper, Causal Policy Gradient);
     `matrix`: where the causal matrix comes from; `cooperation`: whether the actor also climbs the next
-    stage's critic (Erskine and Lehnert 2022); `control`: how the matrix is spoilt before it is used (`controls`);
-    `stock`: stable-baselines3's own agent, one for all stages, on the summed reward.
+    stage's critic (Erskine and Lehnert 2022); `control`: how the matrix is spoilt before it is used (`controls`).
     """
 
     name: str
-    learner: Literal["SAC", "PPO"]
+    learner: str
     action_space: Literal["causal", "full"]
     gradient: Literal["factored", "scalar"]
     matrix: Literal["discovered", "manual", "oracle", "none"]
     cooperation: bool = False
     control: Control = "none"
-    stock: bool = False
 
 
 PAPER = (
@@ -43,13 +42,14 @@ PAPER = (
     Method("mPPO", "PPO", "full", "scalar", "none"),
 )
 
-STOCK = (
-    Method("SAC", "SAC", "full", "scalar", "none", stock=True),
-    Method("PPO", "PPO", "full", "scalar", "none", stock=True),
+ONE_AGENT = (
+    Method("SAC", "SB3-SAC", "full", "scalar", "none"),
+    Method("PPO", "SB3-PPO", "full", "scalar", "none"),
 )
+"""One agent of stable-baselines3's for all stages, on the summed reward."""
 
 
-def _ablations(learner: Literal["SAC", "PPO"]) -> tuple[Method, ...]:
+def _ablations(learner: str) -> tuple[Method, ...]:
     """What differs from cmSAC or cmPPO in one thing."""
     cm = f"cm{learner}"
     return (
@@ -68,4 +68,4 @@ def _ablations(learner: Literal["SAC", "PPO"]) -> tuple[Method, ...]:
     )
 
 
-METHODS = (*PAPER, *STOCK, *_ablations("SAC"), *_ablations("PPO"))
+METHODS = (*PAPER, *ONE_AGENT, *_ablations("SAC"), *_ablations("PPO"))

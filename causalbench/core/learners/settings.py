@@ -1,30 +1,42 @@
-"""When and how learners are evaluated, and the presets of each learner by its name."""
+"""What all learners share: how their worlds are observed, and when and how they are evaluated."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Annotated, Any, Literal
 
-from causalbench.core.learners.ppo import settings as ppo
-from causalbench.core.learners.sac import settings as sac
+from annotated_types import Gt
 
-LearnerSettings = sac.SACSettings | ppo.PPOSettings
+
+@dataclass(frozen=True)
+class StagedSettings:
+    """What the staged loop reads of a learner's settings; the record of a learner that trains in it inherits these."""
+
+    n_envs: Annotated[int, Gt(0)] = 1  # scenes stepped by one learner
+    observe_gripper: bool = True  # ours; the paper's observation has no gripper opening
+    observation: Literal["state", "paper"] = "state"  # "paper": image or LiDAR, too, through the paper's convolutions
+
+
+OBSERVED: Mapping[str, Any] = {"observe_gripper": True, "observation": "state"}
+"""Settings that say what a policy observes, and what stands for those that a learner does not have."""
+
+
+def observed(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """What a policy observes that was trained with `settings`: the values of `OBSERVED`'s keys."""
+    return {key: settings.get(key, default) for key, default in OBSERVED.items()}
 
 
 @dataclass(frozen=True)
 class EvaluationSettings:
     """When and how a learner is evaluated: full task episodes from stage 1 on seeds of their own."""
 
-    every: int = 2_000  # env steps between evaluations
-    episodes: int = 20  # per evaluation, deterministic and sampled each
-    final_episodes: int = 50  # after the last step
+    every: Annotated[int, Gt(0)] = 2_000  # env steps between evaluations
+    episodes: Annotated[int, Gt(0)] = 20  # per evaluation, deterministic and sampled each
+    final_episodes: Annotated[int, Gt(0)] = 50  # after the last step
 
     def episodes_due(self, before: int, taken: int, env_steps: int) -> int:
         """Episodes of the evaluation that the steps from `before` to `taken` of `env_steps` make due; 0 if none."""
         if taken >= env_steps:
             return self.final_episodes
         return self.episodes if taken // self.every > before // self.every else 0
-
-
-PRESETS: Mapping[str, Mapping[str, LearnerSettings]] = {"SAC": sac.PRESETS, "PPO": ppo.PRESETS}
-"""Learner -> name -> starting point."""

@@ -12,22 +12,20 @@ import numpy as np
 import pytest
 import torch
 from safetensors.numpy import save_file
+from training import METHOD, train
 
 import causalbench
 from causalbench.core.discovery.graph import manual_graph
 from causalbench.core.kinematic.worlds import KinematicScene
 from causalbench.core.learners.checkpoint import Checkpoints, load_checkpoint, save_checkpoint
-from causalbench.core.learners.methods import METHODS
 from causalbench.core.learners.ppo.settings import PPOSettings
 from causalbench.core.learners.records import Evaluation
 from causalbench.core.learners.sac.settings import SACSettings
 from causalbench.core.learners.settings import EvaluationSettings
-from causalbench.core.learners.training import train
 from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench.errors import CheckpointError
 from causalbench.plugins.manager import installed
 
-METHOD = {method.name: method for method in METHODS}
 SETTINGS = {
     "SAC": SACSettings(net_arch=(8, 8), batch_size=16, learning_starts=16, train_every=4, n_envs=2),
     "PPO": PPOSettings(net_arch=(8, 8), batch_size=16, n_steps=80, n_epochs=2, n_envs=2),

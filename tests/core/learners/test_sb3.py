@@ -6,39 +6,37 @@ import random
 import numpy as np
 import pytest
 import torch
+from training import METHOD, train
 
 from causalbench.core.kinematic import make
 from causalbench.core.kinematic.worlds import KinematicScene
-from causalbench.core.learners.methods import METHODS
 from causalbench.core.learners.policy import ObservationScale, StagedPolicy, load_policy
-from causalbench.core.learners.ppo.settings import PPOSettings
-from causalbench.core.learners.sac.settings import SACSettings
-from causalbench.core.learners.sb3.stock import SummedRewardEnv, exported_actor, make_stock
+from causalbench.core.learners.ppo import settings as ppo
+from causalbench.core.learners.sac import settings as sac
+from causalbench.core.learners.sb3.settings import PPO_PRESETS, SAC_PRESETS, SB3PPOSettings, SB3SACSettings
+from causalbench.core.learners.sb3.summed_reward_env import SummedRewardEnv
+from causalbench.core.learners.sb3.training import exported_actor, make_ppo, make_sac
 from causalbench.core.learners.settings import EvaluationSettings
-from causalbench.core.learners.training import train
 from causalbench.core.staged.env import StageTaskEnv
 from causalbench.core.staged.vector_env import StageTaskVectorEnv
 from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench.core.world.batch import make_batch
 
-METHOD = {method.name: method for method in METHODS}
 TINY = {
-    "SAC": SACSettings(net_arch=(8, 8), batch_size=16, learning_starts=40, train_every=20, n_envs=2),
-    "PPO": PPOSettings(net_arch=(8, 8), batch_size=16, n_steps=64, n_epochs=2, n_envs=2, target_kl=1e9),
+    "SAC": SB3SACSettings(net_arch=(8, 8), batch_size=16, learning_starts=40, train_every=20, n_envs=2),
+    "PPO": SB3PPOSettings(net_arch=(8, 8), batch_size=16, n_steps=64, n_epochs=2, n_envs=2, target_kl=1e9),
 }
 LOOK = EvaluationSettings(every=100, episodes=1, final_episodes=1)
 
 
 def _train(name):
     seen = []
-    policy, counts = train(
-        TASK, make, METHOD[name], None, TINY[name], LOOK, 150, 0, lambda e, c: seen.append(e), lambda share, text: None
-    )
+    policy, counts = train(TASK, make, METHOD[name], None, TINY[name], LOOK, 150, 0, lambda e, c: seen.append(e))
     return policy, counts, seen
 
 
 @pytest.mark.parametrize("name", ["SAC", "PPO"])
-def test_stock_rows_are_counted_evaluated_and_saved_like_the_others(name, tmp_path):
+def test_they_are_counted_evaluated_and_saved_like_the_others(name, tmp_path):
     kept = random.getstate(), np.random.get_state()[1].copy(), torch.get_rng_state()  # noqa: NPY002
     (policy, counts, seen), (_, _, again) = _train(name), _train(name)
     assert [e.env_steps for e in seen] == [100, 150]
@@ -62,7 +60,7 @@ def test_the_exported_policy_is_sb3s_own(name):
     env = StageTaskVectorEnv(TASK, make_batch(make, settings.n_envs))
     scale = ObservationScale.of(env.single_observation_space)
     worlds = SummedRewardEnv(env, scale, seed=0)
-    model = make_stock(settings, worlds, seed=0)
+    model = {"SAC": make_sac, "PPO": make_ppo}[name](settings, worlds, seed=0)
     model.learn(120)
     distribution = "squashed" if name == "SAC" else "gaussian"
     policy = StagedPolicy([exported_actor(model)] * 4, [np.arange(7)] * 4, 7, scale, distribution)
@@ -84,3 +82,12 @@ def test_sb3_sees_the_summed_reward_and_time_limits():
     assert worlds.counter.counts.env_steps == 2 * TASK.horizon
     assert (infos[0]["terminal_observation"] != obs[0]).any()  # the next start is another
     assert (abs(first) <= 1).all()
+
+
+@pytest.mark.parametrize(("ours", "theirs"), [(sac.PRESETS, SAC_PRESETS), (ppo.PRESETS, PPO_PRESETS)])
+def test_a_preset_differs_from_the_staged_learners_in_nothing_that_both_have(ours, theirs):
+    assert ours.keys() == theirs.keys()
+    for name, preset in theirs.items():
+        staged = dataclasses.asdict(ours[name])
+        assert {key: staged[key] for key in dataclasses.asdict(preset)} == dataclasses.asdict(preset)
+    assert theirs["quick"] == type(theirs["quick"])()  # what a suite without a preset takes

@@ -14,27 +14,25 @@ from stable_baselines3 import SAC
 from stable_baselines3.common.logger import configure
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from stable_baselines3.common.type_aliases import ReplayBufferSamples
+from training import METHOD, train
 
 import causalbench
 from causalbench.core.discovery.graph import manual_graph
 from causalbench.core.kinematic import make
 from causalbench.core.learners.causal_gradient import StagePlan
 from causalbench.core.learners.checkpoint import Checkpoints
-from causalbench.core.learners.methods import METHODS
 from causalbench.core.learners.policy import ObservationScale
 from causalbench.core.learners.ppo.settings import PPOSettings
 from causalbench.core.learners.sac.agent import SACAgent
 from causalbench.core.learners.sac.buffer import Batch
 from causalbench.core.learners.sac.settings import SACSettings
 from causalbench.core.learners.settings import EvaluationSettings
-from causalbench.core.learners.training import train
 from causalbench.core.networks.encoder import SENSORS, Encoder
 from causalbench.core.staged.env import StageTaskEnv
 from causalbench.core.tasks.mobile_manipulation import TASK as MOBILE
 from causalbench.core.tasks.pure_manipulation import TASK as PURE
 from causalbench.errors import UserError
 
-METHOD = {method.name: method for method in METHODS}
 N_STATE, N_ACTIONS, BATCH = 4, 2, 6
 SMALL = SACSettings(net_arch=(16,), batch_size=BATCH, learning_rate=3e-4, buffer_size=20)
 
@@ -161,8 +159,8 @@ def run(task_name: str, method: str, path: Path | None = None, kill_at: int = -1
         return make(mobile=task_name == "mobile_manipulation")
 
     return train(
-        task, make_scene, METHOD[method], manual_graph(task), SEES[METHOD[method].learner], LOOKS, 160, 0,
-        lambda evaluation, counts: None, on_progress, path and Checkpoints(path, every=30),
+        task, make_scene, METHOD[method], manual_graph(task), SEES[METHOD[method].learner], LOOKS, 160,
+        on_progress=on_progress, checkpoints=path and Checkpoints(path, every=30),
     )  # fmt: skip
 
 
@@ -231,4 +229,4 @@ def test_a_number_that_is_none_in_the_image_ends_training_as_diverged(monkeypatc
 
 def test_stable_baselines3s_own_rows_refuse_it() -> None:
     with pytest.raises(UserError, match="'SAC' reads the state alone"):
-        train(PURE, make, METHOD["SAC"], None, SEES["SAC"], LOOKS, 10, 0, lambda *a: None, lambda *a: None)
+        train(PURE, make, METHOD["SAC"], None, SEES["SAC"], LOOKS, 10)

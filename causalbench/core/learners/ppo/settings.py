@@ -4,31 +4,32 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
+
+from annotated_types import Ge, Gt, Le
+
+from causalbench.core.learners.settings import StagedSettings
 
 
 @dataclass(frozen=True)
-class PPOSettings:
+class PPOSettings(StagedSettings):
     """Settings of `StagedPPO`, per stage agent. The defaults are the quick tier's; most are stable-baselines3's."""
 
-    net_arch: tuple[int, ...] = (64, 64)
-    n_steps: int = 1_024  # env steps in an epoch, of all worlds together (Algorithm 3, `n_step`)
-    n_epochs: int = 10  # passes over an epoch's samples
-    batch_size: int = 64  # also the fewest samples a stage trains on; fewer wait for the next epoch
-    learning_rate: float = 3e-4
-    gamma: float = 0.99
-    gae_lambda: float = 0.95
-    clip_range: float = 0.2
-    target_kl: float = 0.03  # training stops once the joint policy has moved 1.5 times as far
-    advantage_floor: float = 0.1  # least deviation that divides an action's advantage, in units of the mean of all
-    ent_coef: float = 0.0
-    vf_coef: float = 0.5
-    max_grad_norm: float = 0.5
+    net_arch: tuple[Annotated[int, Gt(0)], ...] = (64, 64)
+    n_steps: Annotated[int, Gt(0)] = 1_024  # env steps in an epoch, of all worlds together (Algorithm 3, `n_step`)
+    n_epochs: Annotated[int, Gt(0)] = 10  # passes over an epoch's samples
+    batch_size: Annotated[int, Gt(0)] = 64  # also the fewest samples a stage trains on; fewer wait for the next epoch
+    learning_rate: Annotated[float, Gt(0)] = 3e-4
+    gamma: Annotated[float, Gt(0), Le(1)] = 0.99
+    gae_lambda: Annotated[float, Ge(0), Le(1)] = 0.95
+    clip_range: Annotated[float, Gt(0)] = 0.2
+    target_kl: Annotated[float, Gt(0)] = 0.03  # training stops once the joint policy has moved 1.5 times as far
+    advantage_floor: Annotated[float, Ge(0)] = 0.1  # an advantage is divided by no less, in mean deviations
+    ent_coef: Annotated[float, Ge(0)] = 0.0
+    vf_coef: Annotated[float, Ge(0)] = 0.5
+    max_grad_norm: Annotated[float, Gt(0)] = 0.5
     log_std_init: float = -0.5  # SB3's 0.0 puts a third of all first actions on their bounds
     critics: Literal["rows", "terms"] = "rows"  # one value head per distinct matrix row, or per reward term
-    n_envs: int = 1  # scenes stepped by one learner
-    observe_gripper: bool = True  # ours; the paper's observation has no gripper opening
-    observation: Literal["state", "paper"] = "state"  # "paper": image or LiDAR, too, through the paper's convolutions
 
 
 PRESETS: Mapping[str, PPOSettings] = {

@@ -4,28 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
+
+from annotated_types import Ge, Gt, Le
+
+from causalbench.core.learners.settings import StagedSettings
 
 
 @dataclass(frozen=True)
-class SACSettings:
+class SACSettings(StagedSettings):
     """Settings of `StagedSAC`, per stage agent. The defaults are the quick tier's; `PRESETS["paper"]` the paper's."""
 
-    net_arch: tuple[int, ...] = (64, 64)
-    batch_size: int = 256
-    learning_rate: float = 1e-3
-    gamma: float = 0.99
-    tau: float = 0.005  # soft target update factor
-    buffer_size: int = 10_000  # samples kept per stage
-    learning_starts: int = 500  # random samples per stage before its first update
-    train_every: int = 32  # new samples of a stage that trigger its training (Algorithm 3, `count`)
-    updates_per_sample: float = 0.25
-    ent_coef_init: float = 0.05  # entropy start; SB3's "auto" starts at 1.0
-    cooperation_weight: float = 0.3  # share of the next stage's critic in cSAC
+    net_arch: tuple[Annotated[int, Gt(0)], ...] = (64, 64)
+    batch_size: Annotated[int, Gt(0)] = 256
+    learning_rate: Annotated[float, Gt(0)] = 1e-3
+    gamma: Annotated[float, Gt(0), Le(1)] = 0.99
+    tau: Annotated[float, Gt(0), Le(1)] = 0.005  # soft target update factor
+    buffer_size: Annotated[int, Gt(0)] = 10_000  # samples kept per stage
+    learning_starts: Annotated[int, Ge(0)] = 500  # random samples per stage before its first update
+    train_every: Annotated[int, Gt(0)] = 32  # new samples of a stage that trigger its training (Algorithm 3, `count`)
+    updates_per_sample: Annotated[float, Gt(0)] = 0.25
+    ent_coef_init: Annotated[float, Gt(0)] = 0.05  # entropy start; SB3's "auto" starts at 1.0
+    cooperation_weight: Annotated[float, Ge(0), Le(1)] = 0.3  # share of the next stage's critic in cSAC
     critics: Literal["rows", "heads", "terms"] = "rows"  # a critic per distinct matrix row (heads: of one net) or term
-    n_envs: int = 1  # scenes stepped by one learner
-    observe_gripper: bool = True  # ours; the paper's observation has no gripper opening
-    observation: Literal["state", "paper"] = "state"  # "paper": image or LiDAR, too, through the paper's convolutions
 
 
 PRESETS: Mapping[str, SACSettings] = {

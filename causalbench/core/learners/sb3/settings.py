@@ -1,0 +1,68 @@
+"""Settings of stable-baselines3's own agents, with the presets of the staged learners."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Annotated, Any, Literal, TypeVar
+
+from annotated_types import Ge, Gt, Le
+
+from causalbench.core.learners.ppo import settings as ppo
+from causalbench.core.learners.sac import settings as sac
+
+ABOUT = "stable-baselines3's own agent, one for all stages, on the summed reward"
+
+
+@dataclass(frozen=True)
+class SB3SACSettings:
+    """Settings of stable-baselines3's `SAC`, which reads the state alone."""
+
+    net_arch: tuple[Annotated[int, Gt(0)], ...] = (64, 64)
+    batch_size: Annotated[int, Gt(0)] = 256
+    learning_rate: Annotated[float, Gt(0)] = 1e-3
+    gamma: Annotated[float, Gt(0), Le(1)] = 0.99
+    tau: Annotated[float, Gt(0), Le(1)] = 0.005  # soft target update factor
+    buffer_size: Annotated[int, Gt(0)] = 10_000  # samples kept per stage of the task
+    learning_starts: Annotated[int, Ge(0)] = 500  # random samples before the first update
+    train_every: Annotated[int, Gt(0)] = 32  # env steps, of all worlds together, between trainings
+    updates_per_sample: Annotated[float, Gt(0)] = 0.25
+    ent_coef_init: Annotated[float, Gt(0)] = 0.05  # entropy start; SB3's "auto" starts at 1.0
+    n_envs: Annotated[int, Gt(0)] = 1  # scenes stepped by one agent
+    observe_gripper: bool = True  # ours; the paper's observation has no gripper opening
+    observation: Literal["state"] = "state"
+
+
+@dataclass(frozen=True)
+class SB3PPOSettings:
+    """Settings of stable-baselines3's `PPO`, which reads the state alone."""
+
+    net_arch: tuple[Annotated[int, Gt(0)], ...] = (64, 64)
+    n_steps: Annotated[int, Gt(0)] = 1_024  # env steps in an epoch, of all worlds together
+    n_epochs: Annotated[int, Gt(0)] = 10  # passes over an epoch's samples
+    batch_size: Annotated[int, Gt(0)] = 64
+    learning_rate: Annotated[float, Gt(0)] = 3e-4
+    gamma: Annotated[float, Gt(0), Le(1)] = 0.99
+    gae_lambda: Annotated[float, Ge(0), Le(1)] = 0.95
+    clip_range: Annotated[float, Gt(0)] = 0.2
+    target_kl: Annotated[float, Gt(0)] = 0.03  # training stops once the policy has moved 1.5 times as far
+    ent_coef: Annotated[float, Ge(0)] = 0.0
+    vf_coef: Annotated[float, Ge(0)] = 0.5
+    max_grad_norm: Annotated[float, Gt(0)] = 0.5
+    log_std_init: float = -0.5  # SB3's 0.0 puts a third of all first actions on their bounds
+    n_envs: Annotated[int, Gt(0)] = 1  # scenes stepped by one agent
+    observe_gripper: bool = True  # ours; the paper's observation has no gripper opening
+    observation: Literal["state"] = "state"
+
+
+RecordT = TypeVar("RecordT", SB3SACSettings, SB3PPOSettings)
+
+
+def _presets(record: type[RecordT], staged: Mapping[str, Any]) -> dict[str, RecordT]:
+    """The presets of a staged learner, as far as `record` has their settings: one thing differs between the rows."""
+    names = [field.name for field in fields(record)]
+    return {name: record(**{key: getattr(preset, key) for key in names}) for name, preset in staged.items()}
+
+
+SAC_PRESETS = _presets(SB3SACSettings, sac.PRESETS)
+PPO_PRESETS = _presets(SB3PPOSettings, ppo.PRESETS)
