@@ -66,7 +66,7 @@ def test_the_suite_of_the_page_for_backend_authors_is_valid(tmp_path: Path) -> N
         ("learning_rate:", "learning_rte:", 16, "learner.learning_rte: unknown key. Did you mean 'learning_rate'?"),
         ("evaluation:", "evalution:", 10, "evalution: unknown key. Did you mean 'evaluation'?"),
         ("    seeds: 1", "    sedes: 1", 8, "tiers.quick.sedes: unknown key. Did you mean 'seeds'? Known: learner,"),
-        ("n_epochs:", "n_epoch:", 17, "learner.PPO.n_epoch: unknown key. Did you mean 'n_epochs'? Known: preset, n_envs"),
+        ("n_epochs:", "n_epoch:", 17, "learner.PPO.n_epoch: unknown key. Did you mean 'n_epochs'? Known: preset, n_"),
         ("n_epochs: 4, log_std_init: -1", "preset: papr", 17,
          "learner.PPO.preset: should be 'quick' or 'paper', got 'papr'. Did you mean 'paper'?"),
         ("gamma:", "gama:", 20, "per_method.mSAC.learner.gama: unknown key. Did you mean 'gamma'?"),
