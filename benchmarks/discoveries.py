@@ -27,7 +27,8 @@ from causalbench.core.discovery.graph import CausalGraph
 from causalbench.core.discovery.methods.kl.placebos import calibrate
 from causalbench.core.discovery.methods.kl.settings import KLSettings
 from causalbench.core.discovery.registry import StageProblem
-from causalbench.core.discovery.samples.collection import Collection, Recipe
+from causalbench.core.discovery.samples.collection import Collection
+from causalbench.core.discovery.samples.streams import Recipe
 from causalbench.core.discovery.samples.transitions import Samples, StageSamples
 from causalbench.core.discovery.settings import DiscoverySettings
 from causalbench.core.discovery.truth.oracle import Grade, StageTruth

@@ -31,7 +31,7 @@ from discoveries import (
 )
 
 from causalbench.core.discovery.methods.independence import KCISettings
-from causalbench.core.discovery.samples.collection import Recipe
+from causalbench.core.discovery.samples.streams import Recipe
 from causalbench.core.discovery.samples.transitions import StageSamples
 from causalbench.core.discovery.settings import DiscoverySettings
 from causalbench.core.tasks.pure_manipulation import TASK

@@ -32,7 +32,7 @@ from causalbench.core.discovery.discoverers import DISCOVERERS
 from causalbench.core.discovery.graph import CausalGraph
 from causalbench.core.discovery.methods.independence import KCISettings
 from causalbench.core.discovery.pipeline import discover, discover_from_samples
-from causalbench.core.discovery.samples.collection import streams
+from causalbench.core.discovery.samples.streams import streams
 from causalbench.core.discovery.settings import DiscoverySettings
 from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench.plugins.manager import installed

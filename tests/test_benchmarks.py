@@ -15,7 +15,7 @@ import tuning_grid
 
 from causalbench.core.discovery.methods.kl.settings import KLSettings
 from causalbench.core.discovery.pipeline import discover
-from causalbench.core.discovery.samples.collection import Recipe
+from causalbench.core.discovery.samples.streams import Recipe
 from causalbench.core.discovery.settings import DiscoverySettings
 from causalbench.core.kinematic import make
 from causalbench.core.tasks.pure_manipulation import TASK

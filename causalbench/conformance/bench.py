@@ -10,14 +10,33 @@ from typing import Any
 from causalbench.core.world.scene import Scene, SceneSpec
 from causalbench.errors import CausalbenchError, UserError
 from causalbench.plugins.hookspecs import Backend
+from causalbench.processes import ProcessDiedError, call_in_new_interpreter
 
 MakeScene = Callable[[], Scene]
+
+TIMEOUT = 300.0  # s that a new process may take
 
 
 def expect(condition: Any, message: str) -> None:
     """Raise an `AssertionError` with `message` unless `condition` holds; works under `python -O` too."""
     if not condition:
         raise AssertionError(message)
+
+
+def in_new_process(function: Callable[..., Any], *arguments: Any) -> Any:
+    """`function(*arguments)`, computed in a new interpreter; all of it must be picklable.
+
+    Raises `AssertionError` that says why when it does not return.
+    """
+    try:
+        return call_in_new_interpreter(function, *arguments, timeout=TIMEOUT)
+    except ProcessDiedError as error:
+        raise AssertionError(str(error)) from None
+    except Exception as error:  # pickle raises what the object's own methods raise
+        raise AssertionError(
+            f"what another process needs to make a scene cannot be pickled ({error}): "
+            "`make` must be a function at the top level of a module"
+        ) from error
 
 
 class Bench:

@@ -7,17 +7,14 @@ from __future__ import annotations
 
 import faulthandler
 import functools
-import multiprocessing
 import multiprocessing.connection
 import os
-import signal
-import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
-from multiprocessing.context import ForkServerContext, ForkServerProcess
 
+from causalbench.processes import Child, preload, start
 from causalbench.run.cell import Keeping, Progress, run_cell
 from causalbench.store.cells import LOG, RunFolder, Status
 from causalbench.suite.plan import Cell, DiscoveryCell
@@ -57,8 +54,7 @@ def processes(
     jobs: int, timeout: float | None = None,
 ) -> Outcomes:  # fmt: skip
     """One process per cell, `jobs` cores at a time; a crash, a kill or `timeout` seconds end that cell only."""
-    context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(PRELOAD)
+    preload(PRELOAD)
     waiting, running = list(cells), list[_Running]()
     try:
         while waiting or running:
@@ -70,15 +66,14 @@ def processes(
                     yield cell, run.status(cell)
                 elif sum(job.cores for job in running) + min(cell.cores, jobs) <= jobs:
                     waiting.remove(cell)
-                    running.append(_start(context, cell, run, keeping, timeout, min(cell.cores, jobs)))
+                    running.append(_start(cell, run, keeping, timeout, min(cell.cores, jobs)))
             _receive(running, on_progress)
             for job in [job for job in running if job.has_ended()]:
                 running.remove(job)
                 yield job.cell, job.close(run)
     finally:
         for job in running:
-            job.process.kill()
-            job.process.join()
+            job.child.kill()
 
 
 def _is_blocked(cell: Cell, waiting: Sequence[Cell], running: Sequence[_Running]) -> bool:
@@ -100,24 +95,21 @@ class _Running:
     """A cell in its process."""
 
     cell: Cell
-    process: ForkServerProcess
-    link: Connection
+    child: Child
     deadline: float
     cores: int
     timed_out: bool = False
 
     def has_ended(self) -> bool:
         """Whether the process is gone; one that is past its deadline is killed first."""
-        if time.monotonic() > self.deadline and self.process.is_alive():
+        if time.monotonic() > self.deadline and self.child.is_alive():
             self.timed_out = True
-            self.process.kill()
-            self.process.join()
-        return not self.process.is_alive()
+            self.child.kill()
+        return not self.child.is_alive()
 
     def close(self, run: RunFolder) -> Status:
         """Release the process and return the cell's status, recorded here if the process could not."""
-        self.process.join()
-        self.link.close()
+        self.child.close()
         status = run.status(self.cell)
         if status.state in ("running", "pending"):
             status = self._died()
@@ -127,39 +119,30 @@ class _Running:
     def _died(self) -> Status:
         if self.timed_out:
             return Status("timeout", "stopped at the time limit of --timeout")
-        code = self.process.exitcode or 0
-        how = f"was killed by {signal.Signals(-code).name}" if code < 0 else f"exited with code {code}"
-        return Status("failed", f"its process {how}; see log.txt")
+        return Status("failed", f"its process {self.child.how_it_ended()}; see log.txt")
 
 
-def _start(
-    context: ForkServerContext, cell: Cell, run: RunFolder, keeping: Keeping, timeout: float | None, cores: int
-) -> _Running:
-    link, far_end = context.Pipe()
+def _start(cell: Cell, run: RunFolder, keeping: Keeping, timeout: float | None, cores: int) -> _Running:
     run.start(cell)
-    process = context.Process(target=_work, args=(cell, run, keeping, far_end, cores))
-    process.start()
-    far_end.close()
-    return _Running(cell, process, link, time.monotonic() + (timeout or float("inf")), cores)
+    child = start("forkserver", _work, cell, run, keeping, cores)
+    return _Running(cell, child, time.monotonic() + (timeout or float("inf")), cores)
 
 
 def _receive(running: Sequence[_Running], on_progress: OnCellProgress) -> None:
     """Wait until a cell reports or ends, but not beyond a deadline, and hand on what was reported."""
-    by_link = {job.link: job for job in running}
+    by_link = {job.child.link: job for job in running}
     wait = min((job.deadline for job in running), default=0.0) - time.monotonic()
-    watched: list[Connection | int] = [*by_link, *(job.process.sentinel for job in running)]
+    watched: list[Connection | int] = [*by_link, *(job.child.process.sentinel for job in running)]
     for ready in multiprocessing.connection.wait(watched, None if wait == float("inf") else max(wait, 0.0)):
         if isinstance(ready, Connection):
             try:
                 on_progress(by_link[ready].cell, ready.recv())
             except (EOFError, OSError):  # OSError: killed in the middle of a message
-                by_link[ready].process.join()  # the far end closes only when the process ends
+                by_link[ready].child.process.join()  # the far end closes only when the process ends
 
 
-def _work(cell: Cell, run: RunFolder, keeping: Keeping, link: Connection, cores: int) -> None:
+def _work(link: Connection, cell: Cell, run: RunFolder, keeping: Keeping, cores: int) -> None:
     """What a cell's process does."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's, which then kills its cells
-    threading.Thread(target=_die_with_parent, args=(link,), daemon=True).start()
     # What a simulator prints from C, and the trace of a segfault, belong to the cell.
     log = os.open(run.folder(cell) / LOG, os.O_WRONLY | os.O_CREAT | os.O_APPEND)
     os.dup2(log, 1)
@@ -168,14 +151,6 @@ def _work(cell: Cell, run: RunFolder, keeping: Keeping, link: Connection, cores:
     run_cell(cell, run, _Throttle(link).send, keeping, cores)
     # All is on disk; what simulators do when an interpreter ends may hang or crash.
     os._exit(0)
-
-
-def _die_with_parent(link: Connection) -> None:
-    """End this process when the parent is gone, however it went; else it would write into a folder in use again."""
-    try:
-        link.recv()
-    except (EOFError, OSError):
-        os._exit(1)
 
 
 class _Throttle:

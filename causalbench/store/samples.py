@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from causalbench.atomic import write_bytes
-from causalbench.core.discovery.samples.collection import About, Origin
+from causalbench.core.discovery.samples.streams import About, Origin
 from causalbench.core.discovery.samples.transitions import Samples
 from causalbench.core.tasks.task import Task
 from causalbench.errors import RunFolderError

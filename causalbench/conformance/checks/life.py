@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import sys
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
 
 import numpy as np
 
-from causalbench.conformance.bench import Bench, MakeScene, expect
+from causalbench.conformance.bench import Bench, MakeScene, expect, in_new_process
 from causalbench.conformance.moves import row, start
-from causalbench.conformance.process import in_new_process
 from causalbench.core.world.layout import Layout
+from causalbench.processes import ProcessDiedError, call_in_spawned_process
 
 
 def s35_close(bench: Bench) -> None:
@@ -43,13 +40,12 @@ def _imported(make_scene: MakeScene, modules: tuple[str, ...]) -> list[str]:
 def s37_spawn(bench: Bench) -> None:
     """S37. A scene can be made and reset in a process of multiprocessing's start method "spawn"."""
     layout = start(bench.scene, 0)
-    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
-        try:
-            problem = pool.submit(_problem, bench.make_scene, layout).result()
-        except BrokenProcessPool:
-            problem = "the process died"
-        except Exception as error:
-            problem = f"{type(error).__name__}: {error}"
+    try:
+        problem = call_in_spawned_process(_problem, bench.make_scene, layout)
+    except ProcessDiedError as error:
+        problem = str(error)
+    except Exception as error:
+        problem = f"{type(error).__name__}: {error}"
     expect(not problem, f"in a spawned process: {problem}")
 
 

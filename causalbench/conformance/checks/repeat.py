@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.conformance.bench import Bench, MakeScene, expect
+from causalbench.conformance.bench import Bench, MakeScene, expect, in_new_process
 from causalbench.conformance.moves import grasp, press, row, start, walk
-from causalbench.conformance.process import in_new_process
 from causalbench.core.world.layout import Layout
 from causalbench.core.world.scene import Scene
 from causalbench.errors import SnapshotError

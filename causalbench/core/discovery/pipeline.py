@@ -17,7 +17,8 @@ from causalbench._version import __version__
 from causalbench.core.discovery.discoverers import DISCOVERERS
 from causalbench.core.discovery.graph import CausalGraph, StageGraph, declared_matrix
 from causalbench.core.discovery.registry import Discoverer
-from causalbench.core.discovery.samples.collection import Collection, Origin, Recipe, SampleStore, Stream
+from causalbench.core.discovery.samples.collection import Collection
+from causalbench.core.discovery.samples.streams import Origin, Recipe, SampleStore, Stream
 from causalbench.core.discovery.samples.transitions import Samples, StageSamples
 from causalbench.core.discovery.settings import DiscoverySettings
 from causalbench.core.tasks.task import Task
