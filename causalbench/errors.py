@@ -52,6 +52,10 @@ class UndecidedStageError(CausalbenchError):
     """Raised when the data of a stage do not allow any decision; its graph then says so and is the declared one."""
 
 
+class DiscovererError(CausalbenchError):
+    """Raised when a discoverer returns arrays that it did not describe, or of the wrong shape or type."""
+
+
 class InvalidGraphError(UserError):
     """Raised when a causal graph does not fit the task (wrong names, wrong hash, an empty action set)."""
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from causalbench.core.discovery.edges import EDGE, edge_rows, evidence_columns
+from causalbench.core.discovery.edges import RESERVED, edge_rows, evidence_columns
 from causalbench.core.discovery.graph import CausalGraph
 from causalbench.core.learners.records import Evaluation
 from causalbench.errors import RunFolderError
@@ -13,7 +13,7 @@ from causalbench.report.leaderboard import COLUMNS as LEADERBOARD_COLUMNS
 from causalbench.report.leaderboard import leaderboard
 from causalbench.report.stats import area_under, wilson
 from causalbench.store.cells import RunFolder, StoredCell, check_comparable, in_order
-from causalbench.store.records import ORACLE, Counts, read_counts, read_effects, read_progress, write_rows
+from causalbench.store.records import Counts, read_counts, read_effects, read_progress, write_rows
 
 Row = dict[str, Any]
 
@@ -25,7 +25,7 @@ RESULTS = (
 )  # fmt: skip
 CURVES = (*KEYS, "env_steps", "success_deterministic", "success_sampled", "reversals", "mean_final_stage")
 RETURNS = ("cell", "env_steps", "term", "mean_return")
-DISCOVERY = ("task", "backend", "seed", *EDGE, *ORACLE.values())
+DISCOVERY = RESERVED
 """The columns that `discovery.csv` has whatever the discoverer; those of the evidence follow."""
 STAGES = (*KEYS, "quantity", "from_stage", "to_stage", "count")
 TIMING = ("cell", "state", "seconds", "env_steps", "env_steps_per_second")

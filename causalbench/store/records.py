@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from causalbench.atomic import write_json, write_text
+from causalbench.core.discovery.edges import ORACLE
 from causalbench.core.discovery.graph import CausalGraph
 from causalbench.core.learners.records import Evaluation, TrainingCounts
 
@@ -58,20 +59,16 @@ def _evaluation(row: dict[str, str]) -> Evaluation:
     return Evaluation(**({"held_rate": None} | plain | counts), term_returns=returns)
 
 
-ORACLE = {name: f"oracle_{name}" for name in ("effect", "effect_low", "effect_high", "grade")}
-"""Column of `oracle.csv` -> its name beside what a discoverer found, whose evidence may be an effect, too."""
-
-
 def read_effects(path: Path) -> dict[tuple[int, str, str], dict[str, str]]:
     """(stage, reward, action) -> what `oracle.csv` says of the edge, as it stands there; empty where none was asked.
 
-    Its columns have the names of `ORACLE`.
+    Its columns are `ORACLE`, each with the prefix "oracle_".
     """
     if not path.exists():
         return {}
     with path.open(encoding="utf-8", newline="") as file:
         return {
-            (int(row["stage"]), row["reward"], row["action"]): {named: row[name] for name, named in ORACLE.items()}
+            (int(row["stage"]), row["reward"], row["action"]): {f"oracle_{name}": row[name] for name in ORACLE}
             for row in csv.DictReader(file)
         }
 

@@ -25,7 +25,7 @@ from causalbench.core.tasks.task import Task
 from causalbench.core.world.facts import Facts
 from causalbench.core.world.layout import Layout
 from causalbench.core.world.scene import Array, Scene
-from causalbench.errors import LayoutDrawError, UndecidedStageError, UnknownNameError, UserError
+from causalbench.errors import DiscovererError, LayoutDrawError, UndecidedStageError, UnknownNameError, UserError
 
 Progress = Callable[[float, str], None]
 
@@ -184,11 +184,14 @@ def _discover(
             digests += [samples.digest() for samples in (*problem.kept, problem.collected) if samples]
     finally:
         collection.close()
+    stages = tuple(discoverer.finish(graphs, settings) if discoverer.finish else graphs)
+    for found in stages:
+        discoverer.check(found)
     return CausalGraph(
         task=task.name,
         task_version=task.version,
         origin="discovered",
-        stages=tuple(discoverer.finish(graphs, settings) if discoverer.finish else graphs),
+        stages=stages,
         columns=discoverer.evidence,
         env_steps=sum(collection.env_steps.values()) + (scene.steps if scene else 0),
         provenance={
@@ -211,6 +214,8 @@ def _decide(discoverer: Discoverer, problem: _Problem) -> StageGraph:
     terms = task.stage_terms(stage, discoverable_only=True)
     try:
         graph = discoverer.discover_stage(problem)
+        if not isinstance(graph, StageGraph):
+            raise DiscovererError(f"discoverer {discoverer.name!r}: expected a StageGraph, got {graph!r}")
     except (LayoutDrawError, UndecidedStageError) as error:
         note = f"not discovered, the declared graph stands in: {error}"
         none = np.zeros(len(terms), dtype=bool)

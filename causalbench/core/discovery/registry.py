@@ -10,10 +10,14 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any, Literal, Protocol, get_args
 
+import numpy as np
+from numpy.typing import NDArray
+
+from causalbench.core.discovery.edges import RESERVED
 from causalbench.core.discovery.graph import EvidenceColumn, StageGraph
 from causalbench.core.discovery.settings import PRESETS, SHARED, DiscoverySettings, NoSettings
 from causalbench.core.tasks.task import Task
-from causalbench.errors import UnknownNameError, UserError
+from causalbench.errors import DiscovererError, UnknownNameError, UserError
 
 if TYPE_CHECKING:  # importing Gymnasium loads this module, which thus must not need Gymnasium
     from causalbench.core.discovery.samples.transitions import Samples, StageSamples
@@ -91,6 +95,15 @@ class Discoverer:
     modules: tuple[str, ...] = ()
     extra: str = ""
 
+    def __post_init__(self) -> None:
+        names = [column.name for column in self.evidence]
+        taken = sorted({*names} & {*RESERVED}) + sorted({name for name in names if names.count(name) > 1})
+        mains = [column.name for column in self.evidence if column.main]
+        if taken:
+            raise UserError(f"discoverer {self.name!r}: evidence {taken[0]!r}: tables have such a column already")
+        if len(mains) > 1 or any(column.main and column.per != "edge" for column in self.evidence):
+            raise UserError(f"discoverer {self.name!r}: evidence {mains}: expected one main column at most, per edge")
+
     @property
     def option_names(self) -> tuple[str, ...]:
         """The names of its own settings."""
@@ -123,6 +136,25 @@ class Discoverer:
                 f"got {type(settings.options).__name__}"
             )
         return settings
+
+    def check(self, found: StageGraph) -> None:
+        """Raise `DiscovererError` unless a stage has arrays of the right shape, all described by `evidence`."""
+        who, shape = f"discoverer {self.name!r}, stage {found.stage}", (len(found.actions), len(found.terms))
+        if found.matrix.shape != shape or found.matrix.dtype != np.bool_:
+            raise DiscovererError(f"{who}: matrix: expected bool {shape}, got {_kind(found.matrix)}")
+        shapes = {"edge": shape, "term": shape[1:]}
+        described = {column.name: shapes.get(column.per) for column in self.evidence}
+        for name, values in found.evidence.items():
+            if name not in described:
+                raise DiscovererError(f"{who}: evidence {name!r} is not described; add an EvidenceColumn of that name")
+            if described[name] not in (None, values.shape):
+                raise DiscovererError(f"{who}: evidence {name!r}: expected {described[name]}, got {_kind(values)}")
+            if not np.isfinite(values).all():
+                raise DiscovererError(f"{who}: evidence {name!r} is not finite; say 0 where nothing is known")
+
+
+def _kind(values: NDArray[Any]) -> str:
+    return f"{values.dtype} {values.shape}"
 
 
 RANDOM: frozenset[SampleSet] = frozenset(("random",))

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from causalbench.core.discovery.graph import EvidenceColumn, StageGraph, declared_matrix
 from causalbench.core.discovery.registry import NO_SAMPLES, Discoverer, StageProblem
-from causalbench.core.discovery.samples.transitions import Samples
+from causalbench.core.discovery.samples.transitions import Samples, varies
 from causalbench.core.discovery.truth.effects import ABSENT_BELOW, STRONG_ABOVE, effects
 from causalbench.core.world.capabilities import Capability
 from causalbench.errors import UndecidedStageError
@@ -156,7 +156,7 @@ class _Edges:
     def graph(self, declared: NDArray[np.bool_]) -> StageGraph:
         """The decisions; an edge that is still open goes by its estimate, a term that never varied by `declared`."""
         walk = self.walk
-        testable = np.var(self.taken, axis=0) > 1e-12
+        testable = varies(np.array(self.taken))
         present = np.where(self.open, self.effect > math.sqrt(ABSENT_BELOW * STRONG_ABOVE), self.low > ABSENT_BELOW)
         names = ("effect", "effect_low", "effect_high", "pairs")
         evidence = dict(zip(names, (self.effect, self.low, self.high, self.pairs), strict=True))

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from causalbench.core.discovery.graph import EvidenceColumn, StageGraph, declared_matrix
 from causalbench.core.discovery.registry import NO_SAMPLES, Discoverer, StageProblem
+from causalbench.core.discovery.samples.transitions import varies
 from causalbench.errors import UndecidedStageError
 
 STREAM = 101  # beside the numbers of the sets of samples and of `paired`
@@ -52,7 +53,7 @@ def discover_stage(problem: StageProblem) -> StageGraph:
     squares, variance = (values[:, 1:] - values[:, :1]) ** 2, values[:, 0].var(0)
     squares[squares < ROUNDING * variance] = 0.0
     p_value = sign_flip_p_values(squares[:, 1:] - squares[:, :1], rng)
-    testable = variance > 1e-12
+    testable = varies(values[:, 0])
     matrix = np.where(testable, p_value < own.level / p_value.size, declared_matrix(task, stage, walk.terms))
     return StageGraph(stage, task.actions, walk.terms, matrix, testable=testable, evidence={"p_value": p_value})
 

@@ -12,7 +12,6 @@ Where sequences hardly finish the stage there is nothing to compare, and all cau
 from __future__ import annotations
 
 from dataclasses import replace
-from math import comb
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -67,9 +66,10 @@ def _finishes(walk: Walk, chosen: NDArray[np.bool_]) -> bool:
 
 def _oftener(these: NDArray[np.bool_], those: NDArray[np.bool_]) -> bool:
     """Fisher's exact test, one-sided, at `LEVEL`: is the share of True larger among `these` than among `those`?"""
-    n, m, hits = len(these), len(those), int(these.sum() + those.sum())
-    at_least = sum(comb(n, k) * comb(m, hits - k) for k in range(int(these.sum()), min(n, hits) + 1))
-    return at_least / comb(n + m, hits) < LEVEL
+    from scipy.stats import fisher_exact  # takes a third of a second to import
+
+    table = [[int(shares.sum()), int((~shares).sum())] for shares in (these, those)]
+    return bool(fisher_exact(table, alternative="greater").pvalue < LEVEL)
 
 
 def _with_note(graph: StageGraph, note: str) -> StageGraph:

@@ -70,9 +70,8 @@ class Samples:
 
     def term_scale(self) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """(deviation (n_terms,), testable (n_terms,)): a term that never varies cannot be tested; its scale is 1."""
-        scale = self.rewards.astype(np.float64).std(0)
-        testable = scale > 1e-6 * np.abs(self.rewards).max(0).clip(min=1.0)
-        return np.where(testable, scale, 1.0), testable
+        testable = varies(self.rewards)
+        return np.where(testable, self.rewards.astype(np.float64).std(0), 1.0), testable
 
     def digest(self) -> str:
         """SHA-256 of the raw data, hex."""
@@ -100,3 +99,9 @@ class StageSamples:
         if self.extra is not None:
             parts.append(self.extra)
         return hashlib.sha256("".join(samples.digest() for samples in parts).encode()).hexdigest()
+
+
+def varies(rewards: NDArray[np.floating[Any]]) -> NDArray[np.bool_]:
+    """Which columns of `rewards` (n, n_terms) vary by more than rounding; of the others no cause can be found."""
+    spread = rewards.astype(np.float64).std(0)
+    return np.asarray(spread > 1e-6 * np.abs(rewards).max(0).clip(min=1.0))

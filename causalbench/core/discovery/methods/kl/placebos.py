@@ -46,12 +46,10 @@ def q_values(kl: Sequence[Floats], null_kl: Sequence[Floats]) -> list[Floats]:
 
     Arguments and result as in `p_values`; all stages are one family.
     """
+    from scipy.stats import false_discovery_control  # takes a third of a second to import
+
     p_of_stage = p_values(kl, null_kl)
-    p = np.concatenate([values.ravel() for values in p_of_stage])
-    order = np.argsort(p)
-    stepped = p[order] * p.size / np.arange(1, p.size + 1)
-    q = np.empty_like(p)
-    q[order] = np.minimum.accumulate(stepped[::-1])[::-1].clip(max=1.0)
+    q = false_discovery_control(np.concatenate([values.ravel() for values in p_of_stage]), method="bh")
     sizes = np.cumsum([values.size for values in p_of_stage])[:-1]
     return [part.reshape(values.shape) for part, values in zip(np.split(q, sizes), p_of_stage, strict=True)]
 
