@@ -11,7 +11,13 @@ HEAVY = {"torch", "stable_baselines3", "gymnasium_robotics", "mujoco", "pybullet
 
 
 @pytest.mark.parametrize(
-    "statement", ["import causalbench", "import causalbench.plugins.hookspecs", "import causalbench.report"]
+    "statement",
+    [
+        "import causalbench",
+        "import causalbench.discoverer",
+        "import causalbench.plugins.hookspecs",
+        "import causalbench.report",
+    ],
 )
 def test_imports_nothing_heavy(statement):
     script = f"import sys; {statement}; print(*sorted(m for m in sys.modules if '.' not in m))"

@@ -56,6 +56,21 @@ class StageGraph:
     sufficient: tuple[str, ...] | None = None  # None: all causes
     notes: tuple[str, ...] = ()
 
+    @classmethod
+    def decided(
+        cls,
+        task: Task,
+        stage: int,
+        present: NDArray[np.bool_],
+        testable: NDArray[np.bool_],
+        evidence: Mapping[str, NDArray[np.float64]],
+        notes: tuple[str, ...] = (),
+    ) -> StageGraph:
+        """The graph of what was found `present` (n_actions, n_terms); the declared column of terms not `testable`."""
+        terms = task.stage_terms(stage, discoverable_only=True)
+        matrix = np.where(testable, present, declared_matrix(task, stage, terms))
+        return cls(stage, task.actions, terms, matrix, testable, evidence, notes=notes)
+
     def causal_actions(self) -> tuple[str, ...]:
         """Actions with a cause in some column, in order (paper, eq. CausalActions)."""
         return tuple(a for a, row in zip(self.actions, self.matrix, strict=True) if row.any())

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 from annotated_types import Ge
 
-from causalbench.core.discovery.graph import EvidenceColumn, StageGraph, declared_matrix
+from causalbench.core.discovery.graph import EvidenceColumn, StageGraph
 from causalbench.core.discovery.registry import OBSERVED, Discoverer, StageProblem
 from causalbench.core.discovery.reward_model.settings import PAPER, PAPER_LARGE, RewardModelSettings
 
@@ -38,7 +38,7 @@ def discover_stage(problem: StageProblem) -> StageGraph:
     from causalbench.core.discovery.reward_model.models import fit_reward_models, scaled_rewards
 
     task, stage, own = problem.task, problem.stage, problem.options
-    terms, n_actions = task.stage_terms(stage, discoverable_only=True), len(task.actions)
+    n_actions = len(task.actions)
     data = problem.samples()
     random, inference = data.random, data.inference
     n_probed = random.actions.shape[1]  # actions, then placebos
@@ -60,8 +60,7 @@ def discover_stage(problem: StageProblem) -> StageGraph:
     cmi, placebo = np.split(np.asarray(full - without), [n_actions])
     least = np.fmax(own.threshold, own.placebo_gate * placebo.max(0, initial=0.0))
     testable = random.term_scale()[1]
-    matrix = np.where(testable, cmi > least, declared_matrix(task, stage, terms))
-    return StageGraph(stage, task.actions, terms, matrix, testable=testable, evidence={"cmi": cmi})
+    return StageGraph.decided(task, stage, cmi > least, testable, {"cmi": cmi})
 
 
 DISCOVERER = Discoverer(

@@ -17,7 +17,7 @@ import numpy as np
 from annotated_types import Gt, Le
 from numpy.typing import NDArray
 
-from causalbench.core.discovery.graph import EvidenceColumn, StageGraph, declared_matrix
+from causalbench.core.discovery.graph import EvidenceColumn, StageGraph
 from causalbench.core.discovery.registry import RANDOM, Discoverer, StageProblem
 
 JITTER = 0.1  # deviations of the term
@@ -70,8 +70,7 @@ def _discover_stage(problem: StageProblem, test: str, count: int) -> StageGraph:
             p_value[k, j] = independence(k, first_reward + column, given)
             problem.report((column * n_actions + k + 1) / (n_actions * testable.sum()), f"{test}: {terms[j]}")
     present = p_value < problem.options.level / p_value.size
-    matrix = np.where(testable, present, declared_matrix(task, stage, terms))
-    return StageGraph(stage, task.actions, terms, matrix, testable=testable, evidence={"p_value": p_value})
+    return StageGraph.decided(task, stage, present, testable, {"p_value": p_value})
 
 
 def independent_columns(table: NDArray[np.float64]) -> NDArray[np.float64]:

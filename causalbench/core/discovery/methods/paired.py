@@ -21,7 +21,7 @@ import numpy as np
 from annotated_types import Gt
 from numpy.typing import NDArray
 
-from causalbench.core.discovery.graph import EvidenceColumn, StageGraph, declared_matrix
+from causalbench.core.discovery.graph import EvidenceColumn, StageGraph
 from causalbench.core.discovery.registry import NO_SAMPLES, Discoverer, StageProblem
 from causalbench.core.discovery.samples.transitions import Samples, varies
 from causalbench.core.discovery.truth.effects import ABSENT_BELOW, STRONG_ABOVE, effects
@@ -72,7 +72,7 @@ def measure(problem: StageProblem) -> tuple[StageGraph, Walk]:
         raise UndecidedStageError(f"{edges.refused} of {edges.refused + len(edges.taken)} states were not finite")
     edges.look(rng)
     problem.keep("pairs", edges.samples())
-    return edges.graph(declared_matrix(task, stage, walk.terms)), walk
+    return edges.graph(), walk
 
 
 class _Edges:
@@ -153,8 +153,8 @@ class _Edges:
         self.pairs[self.open] = n
         self.open &= ~(varies & ((self.low > ABSENT_BELOW) | (self.high < STRONG_ABOVE)))
 
-    def graph(self, declared: NDArray[np.bool_]) -> StageGraph:
-        """The decisions; an edge that is still open goes by its estimate, a term that never varied by `declared`."""
+    def graph(self) -> StageGraph:
+        """The decisions; an edge that is still open goes by its estimate."""
         walk = self.walk
         testable = varies(np.array(self.taken))
         present = np.where(self.open, self.effect > math.sqrt(ABSENT_BELOW * STRONG_ABOVE), self.low > ABSENT_BELOW)
@@ -164,15 +164,7 @@ class _Edges:
             f"{walk.task.actions[k]} on {walk.terms[j]} was not decided within the budget; its estimate decides"
             for k, j in np.argwhere(self.open & testable)
         ]
-        return StageGraph(
-            walk.stage,
-            walk.task.actions,
-            walk.terms,
-            np.where(testable, present, declared),
-            testable=testable,
-            evidence=evidence,
-            notes=tuple(undecided),
-        )
+        return StageGraph.decided(walk.task, walk.stage, present, testable, evidence, tuple(undecided))
 
     def samples(self) -> Samples:
         """Every step that was taken: of each state first the drawn action, then what it was compared with."""

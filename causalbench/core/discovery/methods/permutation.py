@@ -16,7 +16,7 @@ import numpy as np
 from annotated_types import Gt, Le
 from numpy.typing import NDArray
 
-from causalbench.core.discovery.graph import EvidenceColumn, StageGraph, declared_matrix
+from causalbench.core.discovery.graph import EvidenceColumn, StageGraph
 from causalbench.core.discovery.registry import NO_SAMPLES, Discoverer, StageProblem
 from causalbench.core.discovery.samples.transitions import varies
 from causalbench.errors import UndecidedStageError
@@ -54,8 +54,7 @@ def discover_stage(problem: StageProblem) -> StageGraph:
     squares[squares < ROUNDING * variance] = 0.0
     p_value = sign_flip_p_values(squares[:, 1:] - squares[:, :1], rng)
     testable = varies(values[:, 0])
-    matrix = np.where(testable, p_value < own.level / p_value.size, declared_matrix(task, stage, walk.terms))
-    return StageGraph(stage, task.actions, walk.terms, matrix, testable=testable, evidence={"p_value": p_value})
+    return StageGraph.decided(task, stage, p_value < own.level / p_value.size, testable, {"p_value": p_value})
 
 
 def sign_flip_p_values(difference: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:

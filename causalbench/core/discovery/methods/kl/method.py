@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core.discovery.graph import EvidenceColumn, StageGraph, declared_matrix
+from causalbench.core.discovery.graph import EvidenceColumn, StageGraph
 from causalbench.core.discovery.methods.kl.placebos import calibrate, placebo_copy
 from causalbench.core.discovery.methods.kl.select import select_causal_actions
 from causalbench.core.discovery.methods.kl.settings import PRESETS, KLSettings
@@ -100,22 +100,21 @@ def _select(problem: StageProblem, probes: Probes, testable: NDArray[np.bool_]) 
     task, stage, own = problem.task, problem.stage, problem.options
     terms = task.stage_terms(stage, discoverable_only=True)
     used = np.asarray(getattr(probes.kl, own.direction))
-    matrix = declared_matrix(task, stage, terms)
+    present = np.zeros((len(task.actions), len(terms)), dtype=bool)
     cv, normalised = np.zeros(len(terms)), np.zeros((len(task.actions), len(terms)))
     for j in range(len(terms)):
         kl = used[:, j].clip(min=0.0)
         choice = select_causal_actions(kl, own.epsilon_cv, own.epsilon_normalize, own.epsilon_direct)
         cv[j], normalised[:, j] = choice.cv, choice.normalised
-        if testable[j]:
-            matrix[:, j] = choice.selected
-            if probes.null_kl is not None:
-                matrix[:, j] &= kl > own.placebo_gate * probes.null_kl[:, j].max()
+        present[:, j] = choice.selected
+        if probes.null_kl is not None:
+            present[:, j] &= kl > own.placebo_gate * probes.null_kl[:, j].max()
     forward, reverse, symmetric = map(np.asarray, probes.kl)
     evidence = {"kl": used, "kl_forward": forward, "kl_reverse": reverse, "kl_symmetric": symmetric}
     evidence |= {"kl_normalised": normalised, "cv": cv}
     if probes.null_kl is not None:
         evidence["null_kl"] = probes.null_kl
-    return StageGraph(stage, task.actions, terms, matrix, testable=testable, evidence=evidence)
+    return StageGraph.decided(task, stage, present, testable, evidence)
 
 
 DISCOVERER = Discoverer(

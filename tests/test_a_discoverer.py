@@ -1,0 +1,50 @@
+"""The example of a stranger's discoverer, as a stranger installs and uses it."""
+
+from __future__ import annotations
+
+import ast
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from installing import call, install
+from truth import TRUTH
+
+EXAMPLE = Path(__file__).parents[1] / "examples" / "a_discoverer"
+MODULE = EXAMPLE / "causalbench_rank_correlation.py"
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("site")
+    install(EXAMPLE, folder)
+    return folder
+
+
+def test_it_imports_from_causalbench_what_its_facade_offers() -> None:
+    imported = [node for node in ast.walk(ast.parse(MODULE.read_text())) if isinstance(node, ast.ImportFrom)]
+    assert {node.module for node in imported if node.module.startswith("causalbench")} == {"causalbench.discoverer"}
+
+
+def test_it_finds_what_moves_a_reward_and_shows_by_which_number(site: Path, tmp_path: Path) -> None:
+    out = tmp_path / "found"
+    options = ("--set", "threshold=0.15", "--set", "training_count=1000", "--out", str(out))
+    done = call(tmp_path, site, "causalbench", "discover", "--discoverer", "rank_correlation", *options)
+    assert done.returncode == 0, done.stderr
+    table = pd.read_csv(out / "evidence.csv")
+    assert list(table.columns) == ["stage", "reward", "action", "selected", "in_policy", "correlation"]
+    np.testing.assert_array_equal(table["selected"] == 1, table["correlation"] > 0.15)
+    found = table[(table["selected"] == 1) & (table["stage"] == 1)].groupby("reward")["action"].agg(set)
+    assert (found["r_eefx"], found["r_eefy"]) == (TRUTH[1]["r_eefx"], TRUTH[1]["r_eefy"])
+    settings = json.loads((out / "graph.json").read_text())["provenance"]["settings"]
+    assert (settings["discoverer"], settings["options"]) == ("rank_correlation", {"threshold": 0.15})
+    assert {path.stem for path in (out / "figures").iterdir()} == {"evidence", "matrix", "graph"}
+
+
+def test_a_setting_that_it_does_not_have_is_refused_with_the_nearest(site: Path, tmp_path: Path) -> None:
+    arguments = ("causalbench", "discover", "--discoverer", "rank_correlation", "--set", "treshold=0.15")
+    done = call(tmp_path, site, *arguments)
+    assert done.returncode == 2
+    assert "unknown setting of discoverer 'rank_correlation' 'treshold'. Did you mean 'threshold'?" in done.stderr
