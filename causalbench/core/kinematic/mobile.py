@@ -35,7 +35,7 @@ from causalbench.core.kinematic.worlds import (
 from causalbench.core.kit import base_following as driving
 from causalbench.core.kit.robots.fetch import CARRY, LIDAR_POSITION  # the same rooms and scans as Fetch's
 from causalbench.core.kit.snapshots import spec_digest
-from causalbench.core.numerics import rotations
+from causalbench.core.numerics import kernels, rotations
 from causalbench.core.numerics.gufunc import broadcast
 from causalbench.core.world import lidar
 from causalbench.core.world.batch import Batchable, BatchScene
@@ -180,15 +180,16 @@ def _base_meets(boxes: Array, pose: Array) -> NDArray[np.bool_]:
 @broadcast("f8[:, :], f8[:], f8, b1[:]", "(n,k),(p),()->()")
 def _meets(boxes: Array, point: Array, margin: float, out: NDArray[np.bool_]) -> None:
     out[0] = False
+    turn = np.empty((3, 3))
     for row in range(boxes.shape[0]):
         box = boxes[row]
+        kernels.matrix(box[6:10], turn)
         dx, dy, dz = point[0] - box[3], point[1] - box[4], point[2] - box[5]
-        w, x, y, z = box[6], box[7], box[8], box[9]
-        ahead = (1 - 2 * (y * y + z * z)) * dx + 2 * (x * y + w * z) * dy + 2 * (x * z - w * y) * dz
-        left = 2 * (x * y - w * z) * dx + (1 - 2 * (x * x + z * z)) * dy + 2 * (y * z + w * x) * dz
-        up = 2 * (x * z + w * y) * dx + 2 * (y * z - w * x) * dy + (1 - 2 * (x * x + y * y)) * dz
-        if abs(ahead) < box[0] + margin and abs(left) < box[1] + margin and abs(up) < box[2] + margin:
-            out[0] = True
+        inside = True
+        for axis in range(3):  # in the box's own frame
+            way = turn[0, axis] * dx + turn[1, axis] * dy + turn[2, axis] * dz
+            inside = inside and abs(way) < box[axis] + margin
+        out[0] = out[0] or inside
 
 
 @broadcast("f8[:, :], f8[:], f8, f8, b1[:]", "(n,k),(p),(),()->()")

@@ -122,7 +122,9 @@ class KinematicWorlds:
         held = self._around() & self._squeezed()
         old = self.state.copy()
         self._translate(move[:3])
-        s[POSTURE] = rotations.canonical(rotations.multiply(self.state[..., POSTURE], _turn(move[3:6] / 2))).T
+        s[POSTURE] = rotations.canonical(
+            rotations.multiply(self.state[..., POSTURE], rotations.from_own_angles(move[3:6].T))
+        ).T
         if held.any():
             self._carry(held, old)
 
@@ -194,19 +196,6 @@ class KinematicWorlds:
         middle = np.array([x, y, 0.0]) + rotations.rotate(turn, np.array([TABLE_MIDDLE, 0.0, half[2]]))
         table = np.concatenate([half, middle, turn])[None]
         return draw(facts, table, state[BOX_HALF], False, width, height, find_camera(SPEC, camera))
-
-
-def _turn(half: Array) -> Array:
-    """Rx Ry Rz as one quaternion (..., 4), from half angles (3, ...) in radians."""
-    (cx, cy, cz), (sx, sy, sz) = np.cos(half), np.sin(half)
-    return np.array(
-        [
-            cx * cy * cz - sx * sy * sz,
-            sx * cy * cz + cx * sy * sz,
-            cx * sy * cz - sx * cy * sz,
-            cx * cy * sz + sx * sy * cz,
-        ]
-    ).T
 
 
 class KinematicBatch(BatchScene):

@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from causalbench.core.numerics import kernels
 from causalbench.core.numerics.compiled import compiled
 
 Array = NDArray[np.float64]
@@ -69,15 +70,6 @@ def _contact_flags(geoms: NDArray[np.int32], classes: Indices, out: NDArray[np.b
 
 
 @compiled
-def _put_canonical(w: float, x: float, y: float, z: float, out: Array) -> None:
-    """`out` (4,) = the unit quaternion with the project's sign, as `causalbench.core.numerics.rotations.canonical`."""
-    scale = 1.0 / np.sqrt(w * w + x * x + y * y + z * z)
-    if w < 0:
-        scale = -scale
-    out[0], out[1], out[2], out[3] = w * scale, x * scale, y * scale, z * scale
-
-
-@compiled
 def read(
     geoms: NDArray[np.int32],
     classes: Indices,
@@ -96,17 +88,7 @@ def read(
     """
     _contact_flags(geoms, classes, flags[:3])
     flags[3] = min(forces[0], forces[1]) > HOLDING_FORCE
-    m = matrix
     out[0:3] = position
-    # Shepperd: divide by the largest of the four components.
-    trace = m[0] + m[4] + m[8]
-    if trace > max(m[0], m[4], m[8]):
-        _put_canonical(1 + trace, m[7] - m[5], m[2] - m[6], m[3] - m[1], out[3:7])
-    elif m[0] >= m[4] and m[0] >= m[8]:
-        _put_canonical(m[7] - m[5], 1 + 2 * m[0] - trace, m[1] + m[3], m[2] + m[6], out[3:7])
-    elif m[4] >= m[8]:
-        _put_canonical(m[2] - m[6], m[1] + m[3], 1 + 2 * m[4] - trace, m[5] + m[7], out[3:7])
-    else:
-        _put_canonical(m[3] - m[1], m[2] + m[6], m[5] + m[7], 1 + 2 * m[8] - trace, out[3:7])
+    kernels.from_matrix(matrix, out[3:7])
     out[7:10] = target[:3]
-    _put_canonical(target[3], target[4], target[5], target[6], out[10:14])
+    kernels.canonical(target[3], target[4], target[5], target[6], out[10:14])

@@ -1,9 +1,10 @@
 """Compilation of scalar loops: cached on disk, announced once, and with a slower path where it is not possible.
 
 Numba compiles what is marked with `compiled` at its first use on a machine and keeps the machine code in
-`NUMBA_CACHE_DIR`, else beside the source file, else in the user's cache folder. Where numba is missing, broken or
-switched off (`NUMBA_DISABLE_JIT=1`) the same functions run as plain Python: equal results up to rounding, slower. Where
-no folder can be written, every process compiles anew. Each is said in one sentence, a warning of the logger
+`NUMBA_CACHE_DIR`, else beside the source file, else in the user's cache folder, until the function or something that is
+compiled into it changes, in whatever file (`_depending`). Where numba is missing, broken or switched off
+(`NUMBA_DISABLE_JIT=1`) the same functions run as plain Python: equal results up to rounding, slower. Where no folder
+can be written, every process compiles anew. Each is said in one sentence, a warning of the logger
 `causalbench.core.numerics.compiled`, which goes to stderr unless the program arranges for its logs.
 """
 
@@ -11,13 +12,22 @@ from __future__ import annotations
 
 import ctypes
 import functools
+import hashlib
 import logging
 from collections.abc import Callable
-from typing import Any
+from pathlib import Path
+from types import CellType, FunctionType, ModuleType
+from typing import Any, TypeVar, overload
+
+import numpy as np
+
+Function = TypeVar("Function", bound=Callable[..., Any])
 
 _TYPES = {"address": ("intp", ctypes.c_void_p), "int32": ("int32", ctypes.c_int32)}
 _FOLDERS: dict[str, str] = {}
 """Modules with functions compiled here, and where their code is kept; others' compilations are not announced."""
+_DIGESTS: dict[str, str] = {}
+"""Those modules, and what their compiled code depends on, see `_digest`."""
 
 
 @functools.cache
@@ -36,7 +46,11 @@ def _say(sentence: str) -> None:
     logging.getLogger(__name__).warning(sentence)
 
 
-def compiled(function: Callable[..., Any] | None = None, /, **options: Any) -> Any:
+@overload
+def compiled(function: Function, /) -> Function: ...
+@overload
+def compiled(**options: Any) -> Callable[[Function], Function]: ...
+def compiled(function: Any = None, /, **options: Any) -> Any:
     """A decorator, with or without options of `numba.njit`, for a function of scalars, arrays and named tuples."""
     if function is None:
         return functools.partial(compiled, **options)
@@ -54,6 +68,7 @@ def can_compile(function: Callable[..., Any]) -> bool:
         return False
     if function.__module__ not in _FOLDERS:
         _FOLDERS[function.__module__] = cache_folder(function)
+    _DIGESTS[function.__module__] = _digest(function)
     _listen()
     return True
 
@@ -63,7 +78,7 @@ def cached(decorate: Callable[..., Any], *arguments: Any, **options: Any) -> Cal
 
     def apply(function: Callable[..., Any]) -> Any:
         try:
-            return decorate(*arguments, cache=True, **options)(function)
+            return decorate(*arguments, cache=True, **options)(_depending(function))
         except RuntimeError as error:
             if "cannot cache" not in str(error):
                 raise
@@ -74,6 +89,45 @@ def cached(decorate: Callable[..., Any], *arguments: Any, **options: Any) -> Cal
             return decorate(*arguments, **options)(function)
 
     return apply
+
+
+def _depending(function: Any) -> Callable[..., Any]:
+    """The same function, with the digest of its module among the values of its closure.
+
+    Functions that a function calls and constants that it reads are compiled into it. Numba finds kept code by the
+    function's own file, its bytecode and its closure, so without the digest a change elsewhere would go unnoticed.
+    """
+    code = function.__code__.replace(co_freevars=(*function.__code__.co_freevars, "digest"))
+    cells = (*(function.__closure__ or ()), CellType(_DIGESTS[function.__module__]))
+    return FunctionType(code, function.__globals__, function.__name__, function.__defaults__, cells)
+
+
+def _digest(function: Any) -> str:
+    """Digest of all that the functions of a module may have compiled in, of which `function` is the latest.
+
+    That is its source and its constants, constants and fields of records that it imports, and the digests of modules
+    with compiled functions that it imports from: imports come first and make no circles, so those are complete.
+    """
+    names, own = function.__globals__, function.__module__
+    modules = [value for value in names.values() if isinstance(value, ModuleType)]
+    origins = {getattr(value, "__module__", "") for value in names.values()} | {module.__name__ for module in modules}
+    digest = hashlib.sha256("".join(sorted(_DIGESTS[name] for name in _DIGESTS.keys() & origins - {own})).encode())
+    source = Path(function.__code__.co_filename)
+    digest.update(source.read_bytes() if source.exists() else b"typed in")
+    for space in (names, *map(vars, modules)):
+        facts = {name: _baked(value) for name, value in space.items() if name.strip("_").isupper()}
+        digest.update(repr(sorted((name, fact) for name, fact in facts.items() if fact)).encode())
+    digest.update(repr([getattr(value, "_fields", "") for value in names.values() if isinstance(value, type)]).encode())
+    return digest.hexdigest()
+
+
+def _baked(value: Any) -> str:
+    """What compiled code has of a constant: its numbers; "" for what it cannot have."""
+    if isinstance(value, np.ndarray):
+        return f"{value.dtype} {value.shape} {value.tobytes()!r}"
+    if isinstance(value, tuple):
+        return f"({','.join(map(_baked, value))})"
+    return repr(value) if isinstance(value, bool | int | float | str | np.generic) else ""
 
 
 def cache_folder(function: Callable[..., Any] = compiled) -> str:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from filelock import FileLock
 
-from causalbench.core.numerics.compiled import cache_folder, cached, can_compile, compiled
+from causalbench.core.numerics.compiled import cache_folder, cached, can_compile
 
 DTYPES = {"f8": np.float64, "i8": np.int64, "b1": np.bool_}
 
@@ -39,10 +39,6 @@ def broadcast(types: str, layout: str) -> Callable[[Callable[..., None]], Any]:
             return build(function)
 
     return decorate
-
-
-scalar = compiled
-"""A decorator for a helper that `broadcast` functions of the same file call."""
 
 
 def interpreted(function: Callable[..., None], types: str, layout: str) -> Callable[..., Any]:

@@ -1,4 +1,4 @@
-"""Unit quaternions (w, x, y, z), single (4,) or in batches (n, 4); numpy only.
+"""Unit quaternions (w, x, y, z), single (4,) or in batches (n, 4); numpy only. For compiled loops there is `kernels`.
 
 Sign convention of the whole project: w >= 0 (`canonical`). Components are handled one by one (`components`)
 rather than by `np.cross` and the like: for single poses plain floats are ten times faster than tiny arrays, and
@@ -58,6 +58,20 @@ def from_axis_angle(axis: int, angle: Array | float) -> Array:
     return q
 
 
+def from_own_angles(angles: Array) -> Array:
+    """Rotation (..., 4) by `angles` (..., 3) radians about the body's own x, then its own y, then its own z."""
+    half = angles.T / 2
+    (cx, cy, cz), (sx, sy, sz) = np.cos(half), np.sin(half)
+    return np.array(
+        [
+            cx * cy * cz - sx * sy * sz,
+            sx * cy * cz + cx * sy * sz,
+            cx * sy * cz - sx * cy * sz,
+            cx * cy * sz + sx * sy * cz,
+        ]
+    ).T
+
+
 def rotate(q: Array, v: Array) -> Array:
     """Vectors (..., 3) turned by unit quaternions (..., 4): v + w t + u x t with t = 2 u x v, u = (x, y, z)."""
     w, x, y, z = components(q)
@@ -95,12 +109,13 @@ def from_matrix(m: Array) -> Array:
     """The unit quaternion (4,), w >= 0, of a rotation matrix (3, 3)."""
     # Shepperd: four times the quaternion's outer product with itself; its longest row is the safest to normalise.
     (a, b, c), (d, e, f), (g, h, i) = m
+    trace = a + e + i
     outer = np.array(
         [
-            [1 + a + e + i, h - f, c - g, d - b],
-            [h - f, 1 + a - e - i, b + d, c + g],
-            [c - g, b + d, 1 - a + e - i, f + h],
-            [d - b, c + g, f + h, 1 - a - e + i],
+            [1 + trace, h - f, c - g, d - b],
+            [h - f, 1 + 2 * a - trace, b + d, c + g],
+            [c - g, b + d, 1 + 2 * e - trace, f + h],
+            [d - b, c + g, f + h, 1 + 2 * i - trace],
         ]
     )
     return canonical(outer[np.diag(outer).argmax()])

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from causalbench.core.numerics import rotations
-from causalbench.core.numerics.gufunc import broadcast, scalar
+from causalbench.core.numerics.compiled import compiled
+from causalbench.core.numerics.gufunc import broadcast
 from causalbench.core.tasks import rooms
 from causalbench.core.tasks.reward_scales import ANGLE_SCALE, COLLISION, DISTANCE_SCALE, HORIZON, STAGE_BONUS
 from causalbench.core.tasks.stages import active_terms
@@ -121,12 +122,12 @@ def state_bounds(workspace: Workspace) -> tuple[Array, Array]:
     return np.array(low), np.array(high)
 
 
-@scalar
+@compiled
 def _rho(base: Array, target: Array) -> float:
     return math.hypot(target[0] - base[0], target[1] - base[1])
 
 
-@scalar
+@compiled
 def _theta(base: Array, target: Array) -> float:
     angle = math.atan2(target[1] - base[1], target[0] - base[0]) - base[2]
     return (angle + math.pi) % (2 * math.pi) - math.pi
@@ -169,7 +170,7 @@ def success(stage: NDArray[np.int64], now: Facts) -> NDArray[np.bool_]:
     return (stage == 3) & inside
 
 
-@scalar
+@compiled
 def _is_inside(hand: Array, target: Array) -> bool:
     x, y, z = hand[0] - target[0], hand[1] - target[1], hand[2] - target[2]
     return x * x + y * y + z * z < TARGET_RADIUS * TARGET_RADIUS

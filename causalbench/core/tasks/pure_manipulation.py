@@ -13,8 +13,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core.numerics import rotations
-from causalbench.core.numerics.gufunc import broadcast, scalar
+from causalbench.core.numerics import kernels, rotations
+from causalbench.core.numerics.compiled import compiled
+from causalbench.core.numerics.gufunc import broadcast
 from causalbench.core.tasks.reward_scales import ANGLE_SCALE, COLLISION, DISTANCE_SCALE, HORIZON, STAGE_BONUS
 from causalbench.core.tasks.stages import active_terms
 from causalbench.core.tasks.task import CausalSets, Task, Term, causal_sets, named_constants
@@ -168,14 +169,9 @@ def _observe(hand: Array, posture: Array, box: Array, base: Array, template: Arr
         out[column + 1] = cos * y - sin * x
         out[column + 2] = point[2]
     out[6] = box[2] + HOVER
-    cos, sin = math.cos(base[2] / 2), math.sin(base[2] / 2)
-    w, x, y, z = posture
-    # The sign that is nearest to the target: with w >= 0 the posture would jump at the target itself.
-    sign = -1.0 if cos * y - sin * x < 0.0 else 1.0
-    out[7] = sign * (cos * w + sin * z)
-    out[8] = sign * (cos * x + sin * y)
-    out[9] = sign * (cos * y - sin * x)
-    out[10] = sign * (cos * z - sin * w)
+    kernels.unturned(base[2], posture, out[7:11])
+    if out[9] < 0.0:  # the sign that is nearest to the target: with w >= 0 the posture would jump at the target itself
+        out[7:11] *= -1.0
 
 
 def tilt(facts: Facts) -> Array:
@@ -183,7 +179,7 @@ def tilt(facts: Facts) -> Array:
     return _tilt(facts.eef_quaternion)
 
 
-@scalar
+@compiled
 def _angle(posture: Array) -> float:
     return math.acos(min(2.0 * (posture[1] ** 2 + posture[2] ** 2) - 1.0, 1.0))
 

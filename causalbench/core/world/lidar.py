@@ -8,6 +8,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
+from causalbench.core.numerics import kernels
 from causalbench.core.numerics.gufunc import broadcast
 from causalbench.core.world.layout import Box
 
@@ -48,21 +49,17 @@ def scan(boxes: Array, pose: Array) -> Array:
 @broadcast("f8[:, :], f8[:], f8[:], f8[:]", "(n,k),(p),(r)->(r)")
 def _scan(boxes: Array, pose: Array, angles: Array, out: Array) -> None:
     out[:] = MAX_RANGE
+    turn = np.empty((3, 3))
     for row in range(boxes.shape[0]):
         box = boxes[row]
-        w, x, y, z = box[6], box[7], box[8], box[9]
-        turn = (
-            (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
-            (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
-            (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
-        )
+        kernels.matrix(box[6:10], turn)
         dx, dy, dz = pose[0] - box[3], pose[1] - box[4], pose[2] - box[5]
         for ray in range(angles.shape[0]):
             cos, sin = math.cos(pose[3] + angles[ray]), math.sin(pose[3] + angles[ray])
             enter, leave = -math.inf, math.inf
             for axis in range(3):  # slabs, in the box's own frame
-                start = turn[0][axis] * dx + turn[1][axis] * dy + turn[2][axis] * dz
-                way = turn[0][axis] * cos + turn[1][axis] * sin
+                start = turn[0, axis] * dx + turn[1, axis] * dy + turn[2, axis] * dz
+                way = turn[0, axis] * cos + turn[1, axis] * sin
                 half = box[axis]
                 if abs(way) < 1e-12:
                     if abs(start) > half:

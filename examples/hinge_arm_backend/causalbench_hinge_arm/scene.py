@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from causalbench.core.kit import arm_ik, stepping
+from causalbench.core.kit import arm_ik, joint_following, stepping
 from causalbench.core.kit.snapshots import SnapshotCodec
 from causalbench.core.numerics import rotations
 from causalbench.core.world.facts import Facts
@@ -129,7 +129,7 @@ class HingeArmScene(Scene):
         move = check_action(action, (len(ACTIONS),)) * self._stride
         d = self._data
         for _ in range(self._parts):
-            arm_ik.follow(self._chain, d.ctrl[ARM], d.qpos[ARM], move[:6], self._part * TIMESTEP)
+            joint_following.follow(self._chain, d.ctrl[ARM], d.qpos[ARM], move[:6], self._part * TIMESTEP)
             if move[6]:
                 finger = d.qpos[FINGERS].mean()
                 target = np.clip(d.ctrl[FINGERS] - move[6] / 2, finger - GRIP_LEAD, finger + GRIP_LEAD)

@@ -5,14 +5,12 @@ Names, not function pointers, let numba keep the machine code on disk between pr
 
 from __future__ import annotations
 
-import zlib
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core.kit import arm_ik
+from causalbench.core.kit import arm_ik, joint_following
 from causalbench.core.numerics.compiled import compiled, external
 from causalbench_gymrob.engine import mujoco
 from causalbench_gymrob.model import FINGER_RANGE
@@ -52,46 +50,34 @@ def _move_fingers(qpos: Array, ctrl: Array, fingers: Indices, servos: Indices, c
     ctrl[servos[0]] = ctrl[servos[1]] = target
 
 
-def _compile(stamp: int) -> Callable[..., int]:
-    """The kernel. Numba's disk cache knows the code of this file and the values of the closure, not `arm_ik`.
+@compiled(nogil=True)
+def control_step(
+    model: int,
+    data: int,
+    parts: int,
+    substeps: int,
+    delta: Array,
+    dt: float,
+    chain: arm_ik.Chain,
+    target: Array,
+    joints: Array,
+    qpos: Array,
+    ctrl: Array,
+    fingers: Indices,
+    servos: Indices,
+) -> None:
+    """Advance by `parts` times `substeps` timesteps; before each part the targets move by `delta` in `dt` seconds.
 
-    So the closure holds a stamp of that file: another version of it is compiled anew.
+    `model` and `data` are addresses. `delta` (7,): metres along the base axes, radians about the hand's axes,
+    metres of closing. `target` and `joints` (7,) are views of the arm's parts of `ctrl` and `qpos`. Enters
+    after `mj_step1`; leaves as `mj_step` does, with the contact forces of the last substep.
     """
-
-    @compiled(nogil=True)
-    def control_step(
-        model: int,
-        data: int,
-        parts: int,
-        substeps: int,
-        delta: Array,
-        dt: float,
-        chain: arm_ik.Chain,
-        target: Array,
-        joints: Array,
-        qpos: Array,
-        ctrl: Array,
-        fingers: Indices,
-        servos: Indices,
-    ) -> int:
-        """Advance by `parts` times `substeps` timesteps; before each part the targets move by `delta` in `dt` seconds.
-
-        `model` and `data` are addresses. `delta` (7,): metres along the base axes, radians about the hand's axes,
-        metres of closing. `target` and `joints` (7,) are views of the arm's parts of `ctrl` and `qpos`. Enters
-        after `mj_step1`; leaves as `mj_step` does, with the contact forces of the last substep.
-        """
-        for part in range(parts):
-            arm_ik.follow(chain, target, joints, delta[:6], dt)
-            if delta[6] != 0.0:
-                _move_fingers(qpos, ctrl, fingers, servos, delta[6])
-            for substep in range(substeps):
-                if part == 0 and substep == 0:
-                    _mj_step2(model, data)
-                else:
-                    _mj_step(model, data)
-        return stamp
-
-    return control_step
-
-
-control_step = _compile(zlib.crc32(Path(arm_ik.__file__).read_bytes()))
+    for part in range(parts):
+        joint_following.follow(chain, target, joints, delta[:6], dt)
+        if delta[6] != 0.0:
+            _move_fingers(qpos, ctrl, fingers, servos, delta[6])
+        for substep in range(substeps):
+            if part == 0 and substep == 0:
+                _mj_step2(model, data)
+            else:
+                _mj_step(model, data)

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from causalbench.core.kit import arm_ik
+from causalbench.core.kit import arm_ik, joint_following
 from causalbench.core.kit.robots.fetch import ARM_STARTS
 from causalbench.errors import UnreachableLayoutError
 from causalbench_gymrob import model as fetch
@@ -58,7 +58,8 @@ def test_targets_stay_within_limits_and_near_the_joints(world: World) -> None:
     rng = np.random.default_rng(2)
     for _ in range(300):
         measured = target.copy()
-        arm_ik.follow(world.chain, target, measured, rng.choice([-1.0, 1.0], 6) * np.repeat([0.005, 0.02], 3), 0.025)
+        delta = rng.choice([-1.0, 1.0], 6) * np.repeat([0.005, 0.02], 3)
+        joint_following.follow(world.chain, target, measured, delta, 0.025)
         assert (target >= low).all()
         assert (target <= high).all()
-        assert np.abs(target - measured).max() <= arm_ik.LEAD + 1e-12
+        assert np.abs(target - measured).max() <= joint_following.LEAD + 1e-12

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import math
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 from causalbench.core.kit.contacts import HOLDING_FORCE
+from causalbench.core.numerics import kernels
 from causalbench_pybullet.engine import pb
 from causalbench_pybullet.robot import Robot
 from causalbench_pybullet.world import World
@@ -41,21 +39,13 @@ def read_contacts(world: World) -> tuple[bool, bool, bool, bool]:
     return base, arm, itself, min(forces.values()) > HOLDING_FORCE
 
 
-def canonical_wxyz(quaternion: Any) -> tuple[float, float, float, float]:
-    """Bullet's quaternion (x, y, z, w) in the project's order, with unit length and w >= 0."""
-    x, y, z, w = quaternion
-    scale = math.copysign(1.0 / math.sqrt(w * w + x * x + y * y + z * z), w)
-    return w * scale, x * scale, y * scale, z * scale
-
-
 def read_poses(world: World, robot: Robot) -> Array:
     """Hand pose 3 + 4 and object pose 3 + 4 in the world, and the gripper's opening in metres (15,)."""
-    position, quaternion = pb.multiplyTransforms(*world.hand(), robot.hand_position, robot.hand_quaternion)
-    object_position, object_quaternion = world.object_pose()
     left, right = world.finger_positions()
-    return np.array(
-        (
-            *position, *canonical_wxyz(quaternion), *object_position, *canonical_wxyz(object_quaternion),
-            left + right + robot.gap,
-        )
-    )  # fmt: skip
+    out = np.empty(15)
+    out[14] = left + right + robot.gap
+    hand = pb.multiplyTransforms(*world.hand(), robot.hand_position, robot.hand_quaternion)
+    for at, (position, (x, y, z, w)) in ((0, hand), (7, world.object_pose())):  # Bullet's order
+        out[at : at + 3] = position
+        kernels.canonical(w, x, y, z, out[at + 3 : at + 7])
+    return out

@@ -7,7 +7,7 @@ from importlib import metadata
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core.kit import arm_ik, stepping
+from causalbench.core.kit import arm_ik, joint_following, stepping
 from causalbench.core.kit.robots import fetch
 from causalbench.core.kit.snapshots import SnapshotCodec
 from causalbench.core.world.cameras import find_camera
@@ -93,7 +93,7 @@ class PybulletScene(Scene):
         turn, closing = delta[:6], float(delta[6])
         for _ in range(self._parts):
             positions = world.joint_positions()
-            arm_ik.follow(chain, self._target, positions[:N_ARM], turn, dt)
+            joint_following.follow(chain, self._target, positions[:N_ARM], turn, dt)
             if closing:
                 # Both alike, and never far ahead of the fingers: opening starts at once.
                 finger = float(positions[N_ARM] + positions[N_ARM + 1]) / 2

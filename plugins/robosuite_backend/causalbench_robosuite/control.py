@@ -6,14 +6,13 @@ processes.
 
 from __future__ import annotations
 
-import zlib
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core.kit import arm_ik
+from causalbench.core.kit import arm_ik, joint_following
+from causalbench.core.numerics import kernels, linear
 from causalbench.core.numerics.compiled import compiled, external
 from causalbench_robosuite import riding
 from causalbench_robosuite.engine import mujoco
@@ -44,40 +43,11 @@ _inlined = compiled(error_model="numpy", forceinline=True)
 
 
 @_inlined
-def _factor(a: Array, n: int) -> None:
-    """Below its diagonal the symmetric positive definite `a` (n, n) becomes L of a = L D L^T, on it D^-1.
-
-    `a` is read below and on the diagonal. No square roots: they would wait for one another.
-    """
-    for j in range(n):
-        a[j, j] = 1.0 / max(a[j, j], 1e-14)
-        for i in range(j + 1, n):
-            share = a[i, j] * a[j, j]
-            for k in range(j + 1, i + 1):
-                a[i, k] -= share * a[k, j]
-        for i in range(j + 1, n):
-            a[i, j] *= a[j, j]
-
-
-@_inlined
-def _solve(factor: Array, n: int, x: Array) -> None:
-    """Replace `x` (n,) by a^-1 `x`, where `factor` is what `_factor` makes of a."""
-    for i in range(n):
-        for p in range(i):
-            x[i] -= factor[i, p] * x[p]
-    for k in range(n):
-        i = n - 1 - k
-        x[i] *= factor[i, i]
-        for p in range(i + 1, n):
-            x[i] -= factor[p, i] * x[p]
-
-
-@_inlined
 def _place(chain: arm_ik.Chain, base: Base, reference: Reference, jacobian: Array) -> None:
     """The reference's pose from its joints; `jacobian` (6, 7) is filled on the way."""
     position, rotation = np.empty(3), np.empty((3, 3))
     arm_ik.forward(chain, reference.joints, position, rotation, jacobian)
-    arm_ik.matmul(base.rotation, rotation, reference.rotation)
+    kernels.matmul(base.rotation, rotation, reference.rotation)
     for r in range(3):
         reference.position[r] = base.position[r]
         for c in range(3):
@@ -122,12 +92,12 @@ def _advance(
     for i in range(3):
         error[i] = reference.position[i] - state.position[i]
     _bound(base.rotation, error, law.lead, bounded[:3])
-    arm_ik.rotation_error(reference.rotation, hand, error)
+    kernels.rotation_vector(reference.rotation, hand, error)
     _bound(reference.rotation, error, law.turn_lead, bounded[3:])
     position, rotation, joints = reference.position.copy(), reference.rotation.copy(), reference.joints.copy()
-    arm_ik.follow(chain, reference.joints, joints, bounded, dt)
+    joint_following.follow(chain, reference.joints, joints, bounded, dt)
     _place(chain, base, reference, jacobian)
-    arm_ik.rotation_error(reference.rotation, rotation, error)
+    kernels.rotation_vector(reference.rotation, rotation, error)
     for i in range(3):
         speed[i], speed[3 + i] = (reference.position[i] - position[i]) / dt, error[i] / dt
     for i in range(N_JOINTS):
@@ -140,7 +110,7 @@ def _turn(speed: Array, dt: float, out: Array) -> bool:
     """`out` (3, 3) = how `speed` (13,) turns the reference in `dt` seconds; whether it does."""
     rate = np.sqrt(speed[3] * speed[3] + speed[4] * speed[4] + speed[5] * speed[5])
     if rate > 0.0:
-        arm_ik.axis_rotation(speed[3:6] / rate, rate * dt, out)
+        kernels.axis_rotation(speed[3:6] / rate, rate * dt, out)
     return rate > 0.0
 
 
@@ -155,7 +125,7 @@ def _glide(reference: Reference, speed: Array, dt: float, turning: bool, turn: A
         for r in range(3):
             for c in range(3):
                 old[r, c] = reference.rotation[r, c]
-        arm_ik.matmul(turn, old, reference.rotation)
+        kernels.matmul(turn, old, reference.rotation)
 
 
 @_inlined
@@ -232,7 +202,7 @@ def _arm(reference: Reference, robot: Robot, state: State, law: Law, speed: Arra
     for a in range(N_JOINTS):
         for b in range(N_JOINTS):
             c[a, b] = m[a, b]
-    _factor(c, N_JOINTS)
+    linear.ldl(c, N_JOINTS)
     for a in range(N_JOINTS):
         for r in range(6):
             y[a, r] = jt[a, r]
@@ -248,16 +218,16 @@ def _arm(reference: Reference, robot: Robot, state: State, law: Law, speed: Arra
         for half in (0, 3):
             small[:] = mobility[half : half + 3, half : half + 3]
             wrench[half : half + 3] = force[half : half + 3]
-            _factor(small, 3)
-            _solve(small, 3, wrench[half : half + 3])
+            linear.ldl(small, 3)
+            linear.ldl_solve(small, 3, wrench[half : half + 3])
             force[half : half + 3] = 0.0
     for a in range(N_JOINTS):
         q, v = state.qpos[robot.joints[a]], state.qvel[robot.dofs[a]]
         p[a] = NULL_KP * (reference.joints[a] - q) - NULL_KD * (v - speed[6 + a])
         for r in range(6):
             force[r] -= jt[a, r] * p[a]  # what the pull of the null space would do to the hand
-    _factor(mobility, 6)
-    _solve(mobility, 6, force)
+    linear.ldl(mobility, 6)
+    linear.ldl_solve(mobility, 6, force)
     for r in range(6):
         wrench[r] += force[r]
     for a in range(N_JOINTS):
@@ -310,43 +280,31 @@ def track(
         _mj_step2(model, data)
 
 
-def _compile(stamp: int) -> Callable[..., int]:
-    """The kernel. Numba's disk cache knows the code of this file and the values of the closure, not what it imports.
+@compiled(nogil=True)
+def control_step(
+    model: int,
+    data: int,
+    parts: int,
+    substeps: int,
+    delta: Array,
+    dt: float,
+    chain: arm_ik.Chain,
+    base: Base,
+    robot: Robot,
+    law: Law,
+    reference: Reference,
+    state: State,
+) -> None:
+    """Advance by `parts` times `substeps` timesteps of `dt` seconds; in each part the reference moves by `delta`.
 
-    So the closure holds a stamp of those files: another version of one of them is compiled anew.
+    `model` and `data` are addresses. `delta` (7,): metres along the base axes, radians about the hand's axes,
+    metres of closing. Enters after `mj_step1`; leaves as `mj_step` does, with the contact forces of the last
+    substep.
     """
-
-    @compiled(nogil=True)
-    def control_step(
-        model: int,
-        data: int,
-        parts: int,
-        substeps: int,
-        delta: Array,
-        dt: float,
-        chain: arm_ik.Chain,
-        base: Base,
-        robot: Robot,
-        law: Law,
-        reference: Reference,
-        state: State,
-    ) -> int:
-        """Advance by `parts` times `substeps` timesteps of `dt` seconds; in each part the reference moves by `delta`.
-
-        `model` and `data` are addresses. `delta` (7,): metres along the base axes, radians about the hand's axes,
-        metres of closing. Enters after `mj_step1`; leaves as `mj_step` does, with the contact forces of the last
-        substep.
-        """
-        speed = np.empty(13)
-        for part in range(parts):
-            if part:
-                _mj_step1(model, data)
-            riding.locate(base, robot, state)
-            _advance(chain, base, reference, state, law, delta[:6], substeps * dt, speed)
-            track(model, data, substeps, dt, base, robot, law, reference, speed, delta[6] / (substeps * dt), state)
-        return stamp
-
-    return control_step
-
-
-control_step = _compile(zlib.crc32(b"".join(Path(module.__file__).read_bytes() for module in (arm_ik, riding))))
+    speed = np.empty(13)
+    for part in range(parts):
+        if part:
+            _mj_step1(model, data)
+        riding.locate(base, robot, state)
+        _advance(chain, base, reference, state, law, delta[:6], substeps * dt, speed)
+        track(model, data, substeps, dt, base, robot, law, reference, speed, delta[6] / (substeps * dt), state)

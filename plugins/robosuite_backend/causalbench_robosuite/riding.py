@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core.kit import arm_ik
+from causalbench.core.numerics import kernels
 from causalbench.core.numerics.compiled import compiled
 from causalbench_robosuite.structs import Base, Reference, Robot, State
 
@@ -47,4 +47,4 @@ def ride(base: Base, robot: Robot, state: State, reference: Reference, speed: Ar
         for r in range(3):
             for k in range(3):
                 old[r, k] = reference.rotation[r, k]
-        arm_ik.matmul(turn, old, reference.rotation)
+        kernels.matmul(turn, old, reference.rotation)

@@ -120,3 +120,71 @@ def test_the_interpreted_function_broadcasts_as_the_compiled_one(batches: tuple[
 def test_the_folder_of_the_cache_is_numbas_own_answer() -> None:
     assert compiled.problem() == ""
     assert Path(compiled.cache_folder()).is_dir()
+
+
+PARTS = {
+    "constants.py": "FACTOR, TABLE = 2.0, (3.0, 4.0)\n",
+    "records.py": "from typing import NamedTuple\nclass Pair(NamedTuple):\n    first: float\n    second: float\n",
+    "inner.py": """
+from causalbench.core.numerics.compiled import compiled
+from constants import FACTOR
+@compiled
+def scaled(x):
+    return FACTOR * x
+""",
+    "middle.py": """
+import inner
+from causalbench.core.numerics.compiled import compiled
+@compiled
+def twice(x):
+    return inner.scaled(x) + inner.scaled(x)
+""",
+    "program.py": """
+import numpy as np
+import constants
+from causalbench.core.numerics.compiled import compiled
+from causalbench.core.numerics.gufunc import broadcast
+from middle import twice
+from records import Pair
+@compiled
+def tabled(x):
+    return x * constants.TABLE[1]
+@compiled
+def first(pair):
+    return pair.first
+@broadcast("f8, f8[:]", "()->()")
+def all_of_it(x, out):
+    out[0] = twice(tabled(x))
+print(twice(1.0), tabled(1.0), all_of_it(1.0), first(Pair(first=5.0, second=6.0)))
+""",
+}
+
+
+def run_parts(folder: Path) -> tuple[str, bool]:
+    """What the program prints, and whether something was compiled for it."""
+    for name, text in PARTS.items():
+        if not (folder / name).exists():
+            (folder / name).write_text(text)
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(folder / "cache")}
+    done = subprocess.run([sys.executable, folder / "program.py"], capture_output=True, text=True, env=environment)
+    assert done.returncode == 0, done.stderr
+    return done.stdout, "is compiling" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "expected"),
+    [
+        ("inner.py", "FACTOR * x", "FACTOR * x + 1", "6.0 4.0 18.0 5.0"),
+        ("constants.py", "2.0", "7.0", "14.0 4.0 56.0 5.0"),
+        ("constants.py", "4.0", "9.0", "4.0 9.0 36.0 5.0"),
+        ("records.py", "first: float\n    second: float", "second: float\n    first: float", "4.0 4.0 16.0 5.0"),
+    ],
+)
+def test_kept_code_is_compiled_anew_when_what_is_in_it_changes_elsewhere(
+    tmp_path: Path, file: str, old: str, new: str, expected: str
+) -> None:
+    assert run_parts(tmp_path) == ("4.0 4.0 16.0 5.0\n", True)
+    assert run_parts(tmp_path) == ("4.0 4.0 16.0 5.0\n", False)
+    (tmp_path / file).write_text(PARTS[file].replace(old, new))
+    assert run_parts(tmp_path) == (f"{expected}\n", True)
+    assert run_parts(tmp_path) == (f"{expected}\n", False)

@@ -104,3 +104,9 @@ def test_from_matrix_is_the_inverse_of_matrix():
         assert found[0] >= 0
         same_rotation(found, rotation)
         np.testing.assert_allclose(rotations.matrix(found), rotation.as_matrix(), atol=1e-12)
+
+
+def test_from_own_angles():
+    angles = RNG.uniform(-3, 3, (N, 3))
+    same_rotation(rotations.from_own_angles(angles), Rotation.from_euler("XYZ", angles))
+    np.testing.assert_array_equal(rotations.from_own_angles(angles[0]), rotations.from_own_angles(angles)[0])
