@@ -31,6 +31,7 @@ from causalbench.core.discovery.samples.collection import Collection
 from causalbench.core.discovery.samples.streams import Recipe
 from causalbench.core.discovery.samples.transitions import Samples, StageSamples
 from causalbench.core.discovery.settings import DiscoverySettings
+from causalbench.core.discovery.truth.counterfactual import Walk
 from causalbench.core.discovery.truth.oracle import Grade, StageTruth
 from causalbench.core.discovery.truth.score import Score, score_graph
 from causalbench.core.tasks.pure_manipulation import TASK
@@ -76,7 +77,7 @@ def read_truth(path: Path) -> tuple[StageTruth, ...]:
         StageTruth(
             found.stage, found.actions, found.terms,
             *(matrix(here, found.stage, name) for name in ("effect", "effect_low", "effect_high")),
-            matrix(here, found.stage, "floor")[0], bool(graph.oracle["exact_restore"]),
+            matrix(here, found.stage, "floor")[0], bool(graph.oracle["exact_restore"]), graph.oracle["states"],
         )
         for found in graph.stages for here in [table[table["stage"] == found.stage]]
     )  # fmt: skip
@@ -114,6 +115,11 @@ class Subset:
         """The discoverer's own."""
         return self.settings.options
 
+    @property
+    def terms(self) -> tuple[str, ...]:
+        """The stage's."""
+        return self.task.stage_terms(self.stage, discoverable_only=True)
+
     def samples(self) -> StageSamples:
         """Nested: what a smaller `training_count` holds, a larger one holds, too."""
         count = self.settings.training_count
@@ -124,6 +130,10 @@ class Subset:
 
     def scene(self) -> Scene:
         """Samples are all there is."""
+        raise NotImplementedError
+
+    def walk(self, rng: np.random.Generator) -> Walk:
+        """Nor is there a walk."""
         raise NotImplementedError
 
     def keep(self, name: str, samples: Samples) -> None:

@@ -36,4 +36,4 @@ def judge_graph(
     truth = consult_oracle(task, make_scene, states, seed, on_progress, action_repeat)
     for name, table in (("oracle.csv", oracle_table(graph, truth)), ("score.csv", score_table(graph, truth))):
         write_text(folder / name, table.to_csv(index=False, lineterminator="\n"))
-    return with_score(graph, truth, states), truth
+    return with_score(graph, truth), truth

@@ -21,6 +21,7 @@ from causalbench.core.discovery.samples.collection import Collection
 from causalbench.core.discovery.samples.streams import Origin, Recipe, SampleStore, Stream
 from causalbench.core.discovery.samples.transitions import Samples, StageSamples
 from causalbench.core.discovery.settings import DiscoverySettings
+from causalbench.core.discovery.truth.counterfactual import Walk
 from causalbench.core.tasks.task import Task
 from causalbench.core.world.facts import Facts
 from causalbench.core.world.layout import Layout
@@ -129,6 +130,10 @@ class _Problem:
         return self.recipe.task
 
     @property
+    def terms(self) -> tuple[str, ...]:
+        return self.task.stage_terms(self.stage, discoverable_only=True)
+
+    @property
     def settings(self) -> DiscoverySettings:
         return self.recipe.settings
 
@@ -152,6 +157,10 @@ class _Problem:
                 "run it without --data"
             )
         return self.counted
+
+    def walk(self, rng: np.random.Generator) -> Walk:
+        settings = self.settings
+        return Walk(self.task, self.scene(), self.stage, rng, settings.sequence_length, settings.action_repeat)
 
     def keep(self, name: str, samples: Samples) -> None:
         self.kept += (samples,)

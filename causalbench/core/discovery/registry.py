@@ -21,6 +21,7 @@ from causalbench.errors import DiscovererError, UnknownNameError, UserError
 
 if TYPE_CHECKING:  # importing Gymnasium loads this module, which thus must not need Gymnasium
     from causalbench.core.discovery.samples.transitions import Samples, StageSamples
+    from causalbench.core.discovery.truth.counterfactual import Walk
     from causalbench.core.world.scene import Scene
 
 
@@ -61,8 +62,19 @@ class StageProblem(Protocol):
         A set is the same for every discoverer of equal seed.
         """
 
+    @property
+    def terms(self) -> tuple[str, ...]:
+        """Names of the stage's reward terms that are to be explained: the columns of its graph."""
+
     def scene(self) -> Scene:
         """A simulator for queries of your own; every step of it counts. Raises `UserError` if there are only files."""
+
+    def walk(self, rng: np.random.Generator) -> Walk:
+        """A random walk through the stage in `scene`, from each state of which any action can be tried.
+
+        Its sequences are as long as those of the samples, and actions are held as long. Raises `UserError` if there are
+        only files.
+        """
 
     def keep(self, name: str, samples: Samples) -> None:
         """Store samples that were taken from `scene` beside the others, and let them enter the graph's data hash."""

@@ -15,27 +15,39 @@ from causalbench.errors import InvalidGraphError
 
 
 def training_graph(
-    task: Task, method: Method, graph: CausalGraph | None, make_scene: Callable[[], Scene], seed: int
+    task: Task,
+    method: Method,
+    graph: CausalGraph | None,
+    make_scene: Callable[[], Scene],
+    seed: int,
+    action_repeat: int = 1,
 ) -> CausalGraph | None:
     """`graph` is the discovered one where the method asks for it; all others are found or drawn here.
 
-    One that was drawn here before is taken as it is. Raises `InvalidGraphError` for a missing or wrong graph.
+    An oracle is asked about actions held for `action_repeat` control steps, as those of a discovery would be. A graph
+    that was drawn here before is taken as it is. Raises `InvalidGraphError` for a missing or wrong graph.
     """
     if method.matrix == "none":
         return None
     if graph is None or graph.origin in ("discovered", "manual"):
-        graph = _found(task, method, graph, make_scene, seed)
+        graph = _found(task, method, graph, make_scene, seed, action_repeat)
     graph.check(task)
     return graph
 
 
 def _found(
-    task: Task, method: Method, graph: CausalGraph | None, make_scene: Callable[[], Scene], seed: int
+    task: Task,
+    method: Method,
+    graph: CausalGraph | None,
+    make_scene: Callable[[], Scene],
+    seed: int,
+    action_repeat: int,
 ) -> CausalGraph:
     if method.matrix == "manual":
         return manual_graph(task)
     if method.matrix == "oracle":
-        return oracle_graph(task, consult_oracle(task, make_scene, ORACLE_STATES, seed, lambda share, text: None), seed)
+        truth = consult_oracle(task, make_scene, ORACLE_STATES, seed, lambda share, text: None, action_repeat)
+        return oracle_graph(task, truth, seed)
     if graph is None:
         raise InvalidGraphError(f"method {method.name!r} needs a discovered causal graph of {task.name}, got none")
     graph.check(task)

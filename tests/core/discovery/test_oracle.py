@@ -125,7 +125,7 @@ class Sloppy(KinematicScene):
 
 def test_where_restoring_is_not_exact_the_graph_says_how_large_the_error_floor_is():
     truth = consult_oracle(TASK, Sloppy, 40, 0, lambda share, text: None)
-    graph = with_score(manual_graph(TASK), truth, 40)
+    graph = with_score(manual_graph(TASK), truth)
     assert graph.oracle["exact_restore"] is False
     assert graph.oracle["env_steps"] == 4 * 40 * 9
     for stage in truth:

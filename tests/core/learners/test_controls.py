@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from causalbench.core.discovery.graph import CausalGraph, manual_graph
+from causalbench.core.discovery.pipeline import CountingScene
 from causalbench.core.discovery.truth.oracle import StageTruth, oracle_graph
 from causalbench.core.kinematic import make
 from causalbench.core.learners.causal_gradient import stage_plan
@@ -110,11 +111,26 @@ def test_the_oracles_graph_has_its_strong_edges_and_declares_what_it_could_not_t
         low[0, 0], high[0, 0] = 0.01, 0.2  # weak
         for array in (effect, low, high):
             array[:, -1] = np.nan
-        truth.append(StageTruth(own.stage, own.actions, own.terms, effect, low, high, np.zeros(len(own.terms)), True))
+        truth.append(
+            StageTruth(own.stage, own.actions, own.terms, effect, low, high, np.zeros(len(own.terms)), True, 400)
+        )
     graph = oracle_graph(TASK, tuple(truth), seed=0)
     assert (graph.origin, graph.env_steps) == ("oracle", 400 * 9 * 4)
     for own, stage in zip(GRAPH.stages, graph.stages, strict=True):
         np.testing.assert_array_equal(stage.matrix, own.matrix)
+
+
+def test_the_oracle_is_asked_about_actions_held_as_long_as_those_of_the_discovery():
+    scenes = []
+
+    def counting():
+        scenes.append(CountingScene(make()))
+        return scenes[-1]
+
+    one, held = (training_graph(TASK, METHOD["cmSAC-oracle"], None, counting, 0, repeat) for repeat in (1, 2))
+    assert (one.provenance["action_repeat"], held.provenance["action_repeat"]) == (1, 2)
+    assert [one.env_steps, held.env_steps] == [scene.steps for scene in scenes]
+    assert held.hash != one.hash
 
 
 def test_a_graph_that_was_drawn_before_is_not_drawn_again():

@@ -52,7 +52,7 @@ def _discover_stage(problem: StageProblem, test: str, count: int) -> StageGraph:
     from causallearn.utils.cit import CIT
 
     task, stage = problem.task, problem.stage
-    terms, n_actions = task.stage_terms(stage, discoverable_only=True), len(task.actions)
+    terms, n_actions = problem.terms, len(task.actions)
     samples = problem.samples().random.first(count)
     scale, testable = samples.term_scale()
     rng = np.random.default_rng([problem.seed, stage, STREAM])

@@ -25,7 +25,6 @@ from causalbench.core.discovery.graph import EvidenceColumn, StageGraph
 from causalbench.core.discovery.registry import NO_SAMPLES, Discoverer, StageProblem
 from causalbench.core.discovery.samples.transitions import Samples, varies
 from causalbench.core.discovery.truth.effects import ABSENT_BELOW, STRONG_ABOVE, effects
-from causalbench.core.world.capabilities import Capability
 from causalbench.errors import UndecidedStageError
 
 if TYPE_CHECKING:
@@ -54,14 +53,10 @@ def discover_stage(problem: StageProblem) -> StageGraph:
 
 def measure(problem: StageProblem) -> tuple[StageGraph, Walk]:
     """The graph of one stage, and the random walk that visited its states."""
-    from causalbench.core.discovery.truth.counterfactual import Walk
-
-    task, stage, settings = problem.task, problem.stage, problem.settings
-    scene, budget = problem.scene(), problem.options.max_actions * settings.action_repeat
-    rng = np.random.default_rng([problem.seed, stage, STREAM])
-    walk = Walk(task, scene, stage, rng, settings.sequence_length, settings.action_repeat)
-    edges = _Edges(walk, Capability.EXACT_RESTORE in scene.spec.capabilities)
-    next_look, most = FIRST_LOOK, (len(task.actions) + 3) * settings.action_repeat  # that one state takes
+    rng = np.random.default_rng([problem.seed, problem.stage, STREAM])
+    walk, repeat = problem.walk(rng), problem.settings.action_repeat
+    edges, budget = _Edges(walk), problem.options.max_actions * repeat
+    next_look, most = FIRST_LOOK, (len(problem.task.actions) + 3) * repeat  # that one state takes
     while edges.open.any() and edges.env_steps + most <= budget:
         edges.measure()
         if edges.walk.sequence >= next_look:
@@ -78,8 +73,8 @@ def measure(problem: StageProblem) -> tuple[StageGraph, Walk]:
 class _Edges:
     """All (action, term) edges of one stage: what was measured of them, and what was decided."""
 
-    def __init__(self, walk: Walk, exact: bool) -> None:
-        self.walk, self.exact = walk, exact
+    def __init__(self, walk: Walk) -> None:
+        self.walk, self.exact = walk, walk.exact
         shape = (len(walk.task.actions), len(walk.terms))
         self.open = np.ones(shape, dtype=bool)
         self.effect, self.low, self.high, self.pairs = (np.zeros(shape) for _ in range(4))

@@ -36,11 +36,9 @@ class PermutationSettings:
 
 def discover_stage(problem: StageProblem) -> StageGraph:
     """Test every edge of one stage on `states` states; each takes (n_actions + 2) actions."""
-    from causalbench.core.discovery.truth.counterfactual import Walk
-
-    task, stage, settings, own = problem.task, problem.stage, problem.settings, problem.options
+    task, stage, own = problem.task, problem.stage, problem.options
     rng = np.random.default_rng([problem.seed, stage, STREAM])
-    walk = Walk(task, problem.scene(), stage, rng, settings.sequence_length, settings.action_repeat)
+    walk = problem.walk(rng)
     rewards = []
     for n in range(own.states):
         rewards.append(walk.compare())

@@ -32,8 +32,6 @@ STREAM = 103  # beside the numbers of the sets of samples and of the other disco
 
 def discover_stage(problem: StageProblem) -> StageGraph:
     """The graph of `paired` with the causes that are enough; up to 140 sequences more where there is a choice."""
-    from causalbench.core.discovery.truth.counterfactual import Walk
-
     graph, walk = measure(problem)
     causes = graph.causal_actions()
     if HALVES * walk.finished < EXPECTED * walk.ended:
@@ -42,7 +40,7 @@ def discover_stage(problem: StageProblem) -> StageGraph:
     rng = np.random.default_rng([problem.seed, problem.stage, STREAM])
     is_cause = np.isin(graph.actions, causes)
     sets = is_cause & (rng.random((HALVES, len(is_cause))) < 0.5)
-    tried = Walk(problem.task, problem.scene(), problem.stage, rng, walk.length, walk.action_repeat)
+    tried = problem.walk(rng)
     finished = np.array([_finishes(tried, chosen) for chosen in sets])
     chosen = is_cause & np.array([_oftener(finished[on], finished[~on]) for on in sets.T])
     names = tuple(a for a, enough in zip(graph.actions, chosen, strict=True) if enough)

@@ -9,6 +9,7 @@ from causalbench.core.discovery.samples.collect import model_inputs
 from causalbench.core.staged.env import StageTaskEnv
 from causalbench.core.tasks.stages import Transition, judge
 from causalbench.core.tasks.task import Task
+from causalbench.core.world.capabilities import Capability
 from causalbench.core.world.facts import Facts
 from causalbench.core.world.scene import Scene
 
@@ -28,6 +29,7 @@ class Walk:
         self.task, self.stage, self.length, self.rng = task, stage, length, rng
         self.action_repeat = action_repeat
         self.terms = task.stage_terms(stage, discoverable_only=True)
+        self.exact = Capability.EXACT_RESTORE in scene.spec.capabilities
         self.sequence = -1  # number of the sequence that the state belongs to
         self.ended = self.finished = 0  # sequences that are over, and those of them that finished the stage
         self._env = StageTaskEnv(task, scene)

@@ -18,7 +18,6 @@ from causalbench.core.discovery.graph import CausalGraph, StageGraph, declared_m
 from causalbench.core.discovery.truth.counterfactual import Walk
 from causalbench.core.discovery.truth.effects import ABSENT_BELOW, STRONG_ABOVE, effects
 from causalbench.core.tasks.task import Task
-from causalbench.core.world.capabilities import Capability
 from causalbench.core.world.scene import Scene
 
 ORACLE_STATES = 400  # visited states per stage
@@ -39,7 +38,8 @@ class Grade(StrEnum):
 class StageTruth:
     """Effects of one stage, arrays (n_actions, n_terms); `floor` (n_terms,) is what repeating the same action shows.
 
-    `floor` is 0 where restoring is exact, which the scene declares or not (`exact_restore`).
+    `floor` is 0 where restoring is exact, which the scene declares or not (`exact_restore`). All is about actions held
+    for `action_repeat` control steps, in `states` visited states.
     """
 
     stage: int
@@ -50,6 +50,13 @@ class StageTruth:
     high: NDArray[np.float64]
     floor: NDArray[np.float64]
     exact_restore: bool
+    states: int
+    action_repeat: int = 1
+
+    @property
+    def env_steps(self) -> int:
+        """Control steps that asking took: in every state the action, it again, and it with each action at 0."""
+        return self.states * (len(self.actions) + 2) * self.action_repeat
 
     def grades(self) -> list[list[Grade]]:
         """[action][term] grades."""
@@ -75,10 +82,7 @@ def consult_oracle(
     on_progress: Callable[[float, str], None],
     action_repeat: int = 1,
 ) -> tuple[StageTruth, ...]:
-    """The truth of every stage about actions held for `action_repeat` steps, from `states` visited states each.
-
-    Takes (n_actions + 2) * `action_repeat` control steps per state.
-    """
+    """The truth of every stage about actions held for `action_repeat` steps, from `states` visited states each."""
     scene = make_scene()
     try:
         return tuple(
@@ -97,8 +101,9 @@ def oracle_graph(task: Task, truth: tuple[StageTruth, ...], seed: int) -> Causal
         untestable = np.isnan(stage.effect).any(0)
         matrix = np.where(untestable, declared_matrix(task, stage.stage, stage.terms), strong)
         stages.append(StageGraph(stage.stage, task.actions, stage.terms, matrix))
-    env_steps = ORACLE_STATES * (len(task.actions) + 2) * task.n_stages
-    provenance = {"seed": seed, "states": ORACLE_STATES, "strong_above": STRONG_ABOVE}
+    asked = {"states": truth[0].states, "action_repeat": truth[0].action_repeat}
+    provenance = {"seed": seed, "strong_above": STRONG_ABOVE} | asked
+    env_steps = sum(stage.env_steps for stage in truth)
     return CausalGraph(task.name, task.version, "oracle", tuple(stages), env_steps, provenance)
 
 
@@ -123,5 +128,6 @@ def _stage_truth(
         on_progress((stage - 1 + (n + 1) / states) / task.n_stages, f"stage {stage}: oracle")
     squares = np.square(rewards[:, 1:] - rewards[:, :1])
     effect, low, high = effects(rewards[:, 0], squares, sequence, rng, CONFIDENCE)
-    exact = Capability.EXACT_RESTORE in scene.spec.capabilities
-    return StageTruth(stage, task.actions, terms, effect[1:], low[1:], high[1:], effect[0], exact)
+    return StageTruth(
+        stage, task.actions, terms, effect[1:], low[1:], high[1:], effect[0], walk.exact, states, action_repeat
+    )

@@ -96,13 +96,13 @@ def score_rows(graph: CausalGraph, truth: Sequence[StageTruth]) -> list[dict[str
     ]
 
 
-def with_score(graph: CausalGraph, truth: Sequence[StageTruth], states: int) -> CausalGraph:
+def with_score(graph: CausalGraph, truth: Sequence[StageTruth]) -> CausalGraph:
     """The graph with its `oracle` filled: scores, error floor per stage and term, and what the oracle cost apart."""
     return replace(
         graph,
         oracle={
-            "states": states,
-            "env_steps": states * sum(2 + len(stage.actions) for stage in truth),
+            "states": truth[0].states,
+            "env_steps": sum(stage.env_steps for stage in truth),
             "exact_restore": all(stage.exact_restore for stage in truth),
             "floor": {
                 str(stage.stage): {

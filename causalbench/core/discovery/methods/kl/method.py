@@ -98,7 +98,7 @@ def _probe(
 def _select(problem: StageProblem, probes: Probes, testable: NDArray[np.bool_]) -> StageGraph:
     """Algorithm 2 on every term, then the placebo gate."""
     task, stage, own = problem.task, problem.stage, problem.options
-    terms = task.stage_terms(stage, discoverable_only=True)
+    terms = problem.terms
     used = np.asarray(getattr(probes.kl, own.direction))
     present = np.zeros((len(task.actions), len(terms)), dtype=bool)
     cv, normalised = np.zeros(len(terms)), np.zeros((len(task.actions), len(terms)))
