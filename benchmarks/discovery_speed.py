@@ -21,7 +21,7 @@ from torch.utils.data import DataLoader, TensorDataset
 
 from causalbench.core.discovery.discoverers import DISCOVERERS
 from causalbench.core.discovery.methods.kl.method import discover_stage
-from causalbench.core.discovery.reward_model.models import HELD_OUT, train_reward_models
+from causalbench.core.discovery.reward_model.fit import HELD_OUT, train_reward_models
 from causalbench.core.discovery.samples.collect import collect
 from causalbench.core.discovery.samples.transitions import Samples, StageSamples
 from causalbench.core.discovery.settings import DiscoverySettings

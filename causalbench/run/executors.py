@@ -29,7 +29,7 @@ PRELOAD = [
     "causalbench.core.learners.ppo.staged",
     "causalbench.core.learners.training",
     "causalbench.core.discovery.pipeline",
-    "causalbench.core.discovery.reward_model.models",
+    "causalbench.core.discovery.reward_model.fit",
     "causalbench.run.executors",
 ]
 """What the fork server imports once for all cells. Never a simulator: many cannot be forked."""

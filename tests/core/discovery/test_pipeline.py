@@ -14,7 +14,7 @@ from causalbench.core.discovery.graph import CausalGraph, manual_graph
 from causalbench.core.discovery.methods.kl.divergence import divergence, gaussian_kl
 from causalbench.core.discovery.methods.kl.settings import KLSettings
 from causalbench.core.discovery.pipeline import discover
-from causalbench.core.discovery.reward_model import models as reward_model
+from causalbench.core.discovery.reward_model import network
 from causalbench.core.discovery.samples.collect import collect
 from causalbench.core.discovery.settings import DiscoverySettings
 from causalbench.core.discovery.tables import evidence_table
@@ -74,14 +74,13 @@ def test_the_graph_is_a_function_of_the_seed():
 
 def test_the_gradients_of_a_batch_are_autograds():
     generator = torch.Generator().manual_seed(0)
-    weights = reward_model._initial_weights(3, 5, generator)
+    weights = network.initial_weights(3, 5, generator)
     x, target = torch.randn(3, 7, 5, generator=generator), torch.randn(3, 7, 1, generator=generator)
     free = [w.clone().requires_grad_() for w in weights]
-    loss = reward_model._negative_log_likelihood(reward_model._forward(free, x), target, -4.0).sum()
+    loss = network.negative_log_likelihood(network.forward(free, x), target, -4.0).sum()
     for w in weights:
         w.grad = torch.empty_like(w)
-    space = [torch.empty(3, 7, width) for width in reward_model.HIDDEN * 2]
-    reward_model._set_gradients(weights, x, target, -4.0, space)
+    network.set_gradients(weights, x, target, -4.0, network.working_space(3, 7))
     for w, expected in zip(weights, torch.autograd.grad(loss, free), strict=True):
         torch.testing.assert_close(w.grad, expected)
 

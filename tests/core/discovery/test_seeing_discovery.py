@@ -11,7 +11,7 @@ import torch
 
 from causalbench.core.discovery.methods.kl.settings import KLSettings
 from causalbench.core.discovery.pipeline import discover
-from causalbench.core.discovery.reward_model.models import fit_reward_models
+from causalbench.core.discovery.reward_model.fit import fit_reward_models
 from causalbench.core.discovery.reward_model.settings import RewardModelSettings
 from causalbench.core.discovery.samples.collect import collect
 from causalbench.core.discovery.samples.transitions import Samples

@@ -35,7 +35,8 @@ def discover_stage(problem: StageProblem) -> StageGraph:
     """Fit one model per term with all actions and one without each action, and compare their likelihoods."""
     import torch  # here, so that a list of discoverers costs no import of torch
 
-    from causalbench.core.discovery.reward_model.models import fit_reward_models, scaled_rewards
+    from causalbench.core.discovery.reward_model.fit import fit_reward_models
+    from causalbench.core.discovery.reward_model.models import scaled_rewards
 
     task, stage, own = problem.task, problem.stage, problem.options
     n_actions = len(task.actions)

@@ -46,7 +46,7 @@ class Probes(NamedTuple):
 
 def discover_stage(problem: StageProblem) -> StageGraph:
     """Fit the reward models of every (action, term) pair, compare them on D_inference and select."""
-    from causalbench.core.discovery.reward_model.models import train_reward_models
+    from causalbench.core.discovery.reward_model.fit import train_reward_models
 
     own: KLSettings = problem.options
     if own.select == "fdr" and not problem.settings.n_placebos:
