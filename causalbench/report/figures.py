@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.colors import Normalize
     from matplotlib.figure import Figure
+    from matplotlib.image import AxesImage
 
 STAGE_COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00")
 """Okabe and Ito's colours, which colour-blind readers tell apart; a seventh stage starts again."""
@@ -95,28 +96,16 @@ def draw_evidence(graph: CausalGraph, main: EvidenceColumn) -> Figure:
 
     Columns that could not be tested are hatched: their frames are the declared causes.
     """
-    from matplotlib.patches import Patch, Rectangle
+    from matplotlib.patches import Patch
 
-    columns, actions = _columns(graph), graph.stages[0].actions
-    nothing = np.full((len(actions), max(len(stage.terms) for stage in graph.stages)), np.nan)
+    columns, n_actions = _columns(graph), len(graph.stages[0].actions)
+    nothing = np.full((n_actions, max(len(stage.terms) for stage in graph.stages)), np.nan)
     values = np.column_stack([stage.evidence.get(main.name, nothing)[:, j] for stage, j in columns])
     tested = np.array([_testable(stage, j, main) for stage, j in columns])
-    norm, extend = _colours(values[:, tested], main)
     figure, ax = _grid(graph, columns)
-    shown_values = np.where(tested, values.clip(norm.vmin), np.nan)
-    image = ax.imshow(shown_values, cmap="cividis", norm=norm, aspect="equal")
-    for (row, column), value in np.ndenumerate(values):
-        if tested[column]:
-            dark = norm(max(value, norm.vmin)) < 0.55
-            ax.text(column, row, _short(value), ha="center", va="center", fontsize=8, color="w" if dark else "k")
-    for column in np.flatnonzero(~tested):
-        ax.add_patch(Rectangle((column - 0.5, -0.5), 1, len(actions), **UNTESTED))
+    image, extend = _heat_map(ax, np.where(tested, values, np.nan), main)
     _stage_lines(ax, columns)
-    for column, (stage, j) in enumerate(columns):
-        for row in np.flatnonzero(stage.matrix[:, j]):
-            frame = Rectangle((column - 0.44, row - 0.44), 0.88, 0.88, fill=False, edgecolor=FRAME, lw=2.5)
-            frame.set_gid(f"selected-{stage.stage}-{stage.terms[j]}-{actions[row]}")
-            ax.add_patch(frame)
+    _frame_selected(ax, columns)
     bar = figure.colorbar(image, ax=ax, fraction=0.05, pad=0.03, shrink=0.9, extend=extend)
     bar.set_label(f"{main.name}, {main.unit}" if main.unit else main.name)
     keys = [Patch(facecolor="none", edgecolor=FRAME, lw=2.5, label="selected")]
@@ -124,6 +113,33 @@ def draw_evidence(graph: CausalGraph, main: EvidenceColumn) -> Figure:
         keys.append(Patch(**UNTESTED, label="not testable: declared causes"))
     figure.legend(handles=keys, loc="outside lower center", ncols=len(keys), frameon=False)
     return figure
+
+
+def _heat_map(ax: Axes, values: NDArray[np.float64], main: EvidenceColumn) -> tuple[AxesImage, str]:
+    """Paint and write every cell of `values` (n_actions, n_columns); a column of NaN is hatched."""
+    from matplotlib.patches import Rectangle
+
+    known = np.isfinite(values).all(0)
+    norm, extend = _colours(values[:, known], main)
+    shown = values.clip(norm.vmin)
+    image = ax.imshow(shown, cmap="cividis", norm=norm, aspect="equal")
+    for (row, column), value in np.ndenumerate(values):
+        if known[column]:
+            dark = norm(float(shown[row, column])) < 0.55
+            ax.text(column, row, _short(float(value)), ha="center", va="center", fontsize=8, color="w" if dark else "k")
+    for column in np.flatnonzero(~known):
+        ax.add_patch(Rectangle((column - 0.5, -0.5), 1, len(values), **UNTESTED))
+    return image, extend
+
+
+def _frame_selected(ax: Axes, columns: list[Column]) -> None:
+    from matplotlib.patches import Rectangle
+
+    for column, (stage, j) in enumerate(columns):
+        for row in np.flatnonzero(stage.matrix[:, j]):
+            frame = Rectangle((column - 0.44, row - 0.44), 0.88, 0.88, fill=False, edgecolor=FRAME, lw=2.5)
+            frame.set_gid(f"selected-{stage.stage}-{stage.terms[j]}-{stage.actions[row]}")
+            ax.add_patch(frame)
 
 
 def _colours(shown: NDArray[np.float64], main: EvidenceColumn) -> tuple[Normalize, str]:
@@ -258,9 +274,10 @@ def _colour(stage: int) -> str:
 
 
 def _short(value: float) -> str:
-    """At most four characters, so that a number fits its cell."""
+    """At most four characters and a sign, so that a number fits its cell."""
     if not math.isfinite(value):
         return "?"
-    if value < 0.0095:
+    size, sign = abs(value), "-" if value < 0 else ""
+    if size < 0.0095:
         return "<.01"
-    return f"{value:.2f}".lstrip("0") if value < 0.995 else f"{value:.1f}" if value < 99.5 else f"{value:.0f}"
+    return sign + (f"{size:.2f}".lstrip("0") if size < 0.995 else f"{size:.1f}" if size < 99.5 else f"{size:.0f}")

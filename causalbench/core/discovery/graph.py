@@ -75,6 +75,17 @@ class StageGraph:
         """Actions with a cause in some column, in order (paper, eq. CausalActions)."""
         return tuple(a for a, row in zip(self.actions, self.matrix, strict=True) if row.any())
 
+    def problem(self, task: Task) -> str:
+        """Why no policy of `task` can be built on the stage's graph; "" if one can."""
+        if self.actions != task.actions or self.terms != task.stage_terms(self.stage, discoverable_only=True):
+            return "actions or terms differ from the task's"
+        causal = self.causal_actions()
+        if not set(self.policy_actions()) <= set(causal) or self.sufficient == ():
+            return f"the sufficient actions {self.sufficient} are not some of its causal actions {causal}"
+        if not self.matrix.any():
+            return "no action causes any reward, so no policy can be built; discover again with more samples"
+        return ""
+
     def policy_actions(self) -> tuple[str, ...]:
         """The causal actions that a policy sets; the others stay at 0."""
         return self.causal_actions() if self.sufficient is None else self.sufficient
@@ -160,20 +171,8 @@ class CausalGraph:
                 + "; ".join(note for graph in self.stages for note in graph.notes)
             )
         for graph in self.stages:
-            if graph.actions != task.actions or graph.terms != task.stage_terms(graph.stage, discoverable_only=True):
-                raise InvalidGraphError(
-                    f"causal graph {self.hash}, stage {graph.stage}: actions or terms differ from the task's"
-                )
-            if not set(graph.policy_actions()) <= set(graph.causal_actions()) or graph.sufficient == ():
-                raise InvalidGraphError(
-                    f"causal graph {self.hash}, stage {graph.stage}: the sufficient actions {graph.sufficient} are not "
-                    f"some of its causal actions {graph.causal_actions()}"
-                )
-            if not graph.matrix.any():
-                raise InvalidGraphError(
-                    f"causal graph {self.hash}, stage {graph.stage}: no action causes any reward, so no policy can be "
-                    f"built; discover again with more samples"
-                )
+            if problem := graph.problem(task):
+                raise InvalidGraphError(f"causal graph {self.hash}, stage {graph.stage}: {problem}")
 
 
 def manual_graph(task: Task) -> CausalGraph:

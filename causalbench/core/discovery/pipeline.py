@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from importlib.metadata import version
@@ -176,45 +176,52 @@ def _discover(
     discoverers: Mapping[str, Discoverer],
     cores: int,
 ) -> CausalGraph:
-    task, settings = recipe.task, recipe.settings
-    if settings.discoverer not in discoverers:
-        raise UnknownNameError("discoverer", settings.discoverer, discoverers)
-    discoverer = discoverers[settings.discoverer]
-    settings = discoverer.complete(settings)
-    recipe = replace(recipe, settings=settings, reads=discoverer.reads)
-    board = _Board(task.n_stages, on_progress)
+    if recipe.settings.discoverer not in discoverers:
+        raise UnknownNameError("discoverer", recipe.settings.discoverer, discoverers)
+    discoverer = discoverers[recipe.settings.discoverer]
+    recipe = replace(recipe, settings=discoverer.complete(recipe.settings), reads=discoverer.reads)
+    board = _Board(recipe.task.n_stages, on_progress)
     collection = Collection(recipe, cores, board.on_collected)
-    graphs, digests = [], []
     try:
-        for stage in range(1, task.n_stages + 1):
-            problem = _Problem(recipe, stage, collection, scene, partial(board.on_report, stage))
-            graphs.append(_decide(discoverer, problem))
-            board.on_report(stage, 1.0, "decided")
-            digests += [samples.digest() for samples in (*problem.kept, problem.collected) if samples]
+        stages, digests = _decide_all(discoverer, recipe, collection, scene, board)
     finally:
         collection.close()
-    stages = tuple(discoverer.finish(graphs, settings) if discoverer.finish else graphs)
-    for found in stages:
-        discoverer.check(found)
     return CausalGraph(
-        task=task.name,
-        task_version=task.version,
+        task=recipe.task.name,
+        task_version=recipe.task.version,
         origin="discovered",
         stages=stages,
         columns=discoverer.evidence,
         env_steps=sum(collection.env_steps.values()) + (scene.steps if scene else 0),
-        provenance={
-            **asdict(recipe.origin),
-            "seed": recipe.seed,
-            "settings": asdict(settings),
-            "data_sha256": hashlib.sha256("".join(digests).encode()).hexdigest(),
-            "versions": {
-                "causalbench": __version__,
-                "python": sys.version.split()[0],
-                **{name: version(name) for name in ("numpy", "scipy", "torch")},
-            },
-        },
+        provenance=_provenance(recipe, digests),
     )
+
+
+def _decide_all(
+    discoverer: Discoverer, recipe: Recipe, collection: Collection, scene: CountingScene | None, board: _Board
+) -> tuple[tuple[StageGraph, ...], list[str]]:
+    """The graphs of all stages, and the digests of all samples that they are from."""
+    graphs, digests = list[StageGraph](), list[str]()
+    for stage in range(1, recipe.task.n_stages + 1):
+        problem = _Problem(recipe, stage, collection, scene, partial(board.on_report, stage))
+        graphs.append(_decide(discoverer, problem))
+        board.on_report(stage, 1.0, "decided")
+        digests += [samples.digest() for samples in (*problem.kept, problem.collected) if samples]
+    stages = tuple(discoverer.finish(graphs, recipe.settings) if discoverer.finish else graphs)
+    for found in stages:
+        discoverer.check(found)
+    return stages, digests
+
+
+def _provenance(recipe: Recipe, digests: Sequence[str]) -> dict[str, Any]:
+    packages = {name: version(name) for name in ("numpy", "scipy", "torch")}
+    return {
+        **asdict(recipe.origin),
+        "seed": recipe.seed,
+        "settings": asdict(recipe.settings),
+        "data_sha256": hashlib.sha256("".join(digests).encode()).hexdigest(),
+        "versions": {"causalbench": __version__, "python": sys.version.split()[0], **packages},
+    }
 
 
 def _decide(discoverer: Discoverer, problem: _Problem) -> StageGraph:

@@ -19,7 +19,11 @@ from causalbench.core.discovery.registry import OBSERVED, Discoverer, StageProbl
 from causalbench.core.discovery.reward_model.settings import PAPER, PAPER_LARGE, RewardModelSettings
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
     from torch import Tensor
+
+    from causalbench.core.discovery.reward_model.models import RewardModels
+    from causalbench.core.discovery.samples.transitions import Samples
 
 
 @dataclass(frozen=True)
@@ -33,35 +37,39 @@ class CMISettings(RewardModelSettings):
 
 def discover_stage(problem: StageProblem) -> StageGraph:
     """Fit one model per term with all actions and one without each action, and compare their likelihoods."""
-    import torch  # here, so that a list of discoverers costs no import of torch
-
     from causalbench.core.discovery.reward_model.fit import fit_reward_models
-    from causalbench.core.discovery.reward_model.models import scaled_rewards
 
-    task, stage, own = problem.task, problem.stage, problem.options
-    n_actions = len(task.actions)
-    data = problem.samples()
-    random, inference = data.random, data.inference
-    n_probed = random.actions.shape[1]  # actions, then placebos
+    data, own = problem.samples(), problem.options
+    random, n_probed = data.random, data.random.actions.shape[1]  # actions, then placebos
     models = fit_reward_models(
         [*(random.without(k) for k in range(n_probed)), random],
         random,
         own,
-        problem.seed + stage,
+        problem.seed + problem.stage,
         lambda share: problem.report(share, "fitting reward models"),
     )
+    information = _information(models, random, data.inference, own.sigma_floor)
+    cmi, placebo = np.split(information, [len(problem.task.actions)])
+    least = np.fmax(own.threshold, own.placebo_gate * placebo.max(0, initial=0.0))
+    return StageGraph.decided(problem.task, problem.stage, cmi > least, random.term_scale()[1], {"cmi": cmi})
+
+
+def _information(models: RewardModels, random: Samples, inference: Samples, sigma_floor: float) -> NDArray[np.float64]:
+    """(n_probed, n_terms) what every action, or placebo, adds to the mean log likelihood of each term, nats."""
+    import torch  # here, so that a list of discoverers costs no import of torch
+
+    from causalbench.core.discovery.reward_model.models import scaled_rewards
+
     target = torch.from_numpy(scaled_rewards(inference, random)).T.double()  # (n_terms, n)
 
     def likelihood(mean: Tensor, log_sigma: Tensor) -> Tensor:
-        sigma = log_sigma.double().exp().clamp_min(own.sigma_floor)
+        sigma = log_sigma.double().exp().clamp_min(sigma_floor)
         return (-0.5 * ((target - mean.double()) / sigma) ** 2 - sigma.log()).mean(-1)
 
+    n_probed = random.actions.shape[1]
     full = likelihood(*models.predict(inference, n_probed))
-    without = torch.stack([likelihood(*models.predict(inference.without(k), k)) for k in range(n_probed)])
-    cmi, placebo = np.split(np.asarray(full - without), [n_actions])
-    least = np.fmax(own.threshold, own.placebo_gate * placebo.max(0, initial=0.0))
-    testable = random.term_scale()[1]
-    return StageGraph.decided(task, stage, cmi > least, testable, {"cmi": cmi})
+    without = [likelihood(*models.predict(inference.without(k), k)) for k in range(n_probed)]
+    return np.asarray(full - torch.stack(without))
 
 
 DISCOVERER = Discoverer(

@@ -9,6 +9,7 @@ import numpy as np
 from causalbench.core.discovery.samples.pool import SamplePool, pays
 from causalbench.core.discovery.samples.streams import Collector, Recipe, Stream
 from causalbench.core.discovery.samples.transitions import Samples, StageSamples
+from causalbench.core.discovery.settings import DiscoverySettings
 from causalbench.errors import LayoutDrawError, UndecidedStageError, UserError
 
 LEAST_SHARE = 0.5
@@ -42,9 +43,8 @@ class Collection:
             self.env_steps[stage] = steps
             self.on_share(stage, min(1.0, steps / planned))
 
-        return self._assemble(
-            wanted, self._pool.gather(stage, on_steps) if self._pool else self._gather(wanted, on_steps)
-        )
+        found = self._pool.gather(stage, on_steps) if self._pool else self._gather(wanted, on_steps)
+        return _assemble(self.recipe.settings, wanted, found)
 
     def close(self) -> None:
         """Stop collecting and release the worlds."""
@@ -69,28 +69,38 @@ class Collection:
             raise errors[0]
         return found
 
-    def _assemble(self, wanted: list[Stream], found: list[Samples]) -> StageSamples:
-        notes = []
-        for stream, samples in zip(wanted, found, strict=True):
-            if len(samples) < stream.count:
-                note = (
-                    f"{len(samples)} of {stream.count} samples in {stream.name!r}: "
-                    f"{samples.refused} of {samples.env_steps} steps were not finite"
-                )
-                if len(samples) < max(2, LEAST_SHARE * stream.count):
-                    raise UndecidedStageError(note)
-                notes.append(note)
-        named = {stream.name: samples for stream, samples in zip(wanted, found, strict=True)}
-        empty = found[0].first(0)
-        random, inference = named.pop("random", empty), named.pop("inference", empty)
-        shortest = min(map(len, named.values()), default=0)
-        extra, *interventions = [named.pop("placebo", None), *named.values()]
-        if self.recipe.settings.sequence_length > 1 and 0 < len(random) == len(np.unique(random.sequence)):
-            notes.append("every random step left the stage, so that each sample is a first step")
-        return StageSamples(
-            random,
-            inference,
-            tuple(samples.first(shortest) for samples in interventions),
-            extra and extra.first(shortest),
-            tuple(notes),
-        )
+
+def _assemble(settings: DiscoverySettings, wanted: list[Stream], found: list[Samples]) -> StageSamples:
+    """The sets of one stage by their names, interventions and placebos cut to one length.
+
+    Raises `UndecidedStageError` where too much of a set is missing.
+    """
+    named = {stream.name: samples for stream, samples in zip(wanted, found, strict=True)}
+    notes = _shortfalls(wanted, found)
+    empty = found[0].first(0)
+    random, inference = named.pop("random", empty), named.pop("inference", empty)
+    shortest = min(map(len, named.values()), default=0)
+    extra, *interventions = [named.pop("placebo", None), *named.values()]
+    if settings.sequence_length > 1 and 0 < len(random) == len(np.unique(random.sequence)):
+        notes.append("every random step left the stage, so that each sample is a first step")
+    return StageSamples(
+        random,
+        inference,
+        tuple(samples.first(shortest) for samples in interventions),
+        extra and extra.first(shortest),
+        tuple(notes),
+    )
+
+
+def _shortfalls(wanted: list[Stream], found: list[Samples]) -> list[str]:
+    """A sentence for every set that has fewer samples than were asked for."""
+    notes = []
+    for stream, samples in zip(wanted, found, strict=True):
+        if len(samples) < stream.count:
+            notes.append(
+                f"{len(samples)} of {stream.count} samples in {stream.name!r}: "
+                f"{samples.refused} of {samples.env_steps} steps were not finite"
+            )
+            if len(samples) < max(2, LEAST_SHARE * stream.count):
+                raise UndecidedStageError(notes[-1])
+    return notes
