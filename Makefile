@@ -8,7 +8,7 @@ PYTEST_WORKERS ?= auto
 SHELL := /bin/bash
 VENV := .venv
 BIN := $(VENV)/bin
-PROJECTS := . $(patsubst %/pyproject.toml,%,$(wildcard plugins/*_backend/pyproject.toml))
+PROJECTS := . $(patsubst %/pyproject.toml,%,$(wildcard plugins/*/pyproject.toml))
 
 .DELETE_ON_ERROR:
 .PHONY: help env bench test test-long speed clean

@@ -30,7 +30,7 @@ def torques(scene: RobosuiteScene, action: Array) -> Array:
     """The commands (1, substeps, nu) of about this control step, found by taking it one substep at a time."""
     delta, commands = action * np.array(scene.spec.action_speed) * scene.spec.timestep, []
     for _ in range(scene.substeps):
-        scene._run(delta, 1, 1)
+        scene.advance(delta, 1, 1)
         commands.append(scene.data.ctrl.copy())
     return np.array([commands])
 

@@ -19,7 +19,7 @@ from causalbench.core.tasks import pure_manipulation as task
 from causalbench.core.tasks.task import Task
 from causalbench.core.world.facts import Facts
 from causalbench.core.world.layout import Layout
-from causalbench.core.world.scene import ACTION_SPEED, Scene
+from causalbench.core.world.scene import ACTION_SPEED, ARM_ACTIONS, Scene
 from causalbench.errors import UnreachableLayoutError
 
 Array = NDArray[np.float64]
@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 MAX_DRAWS = 200
 POSITION_ERROR = 1e-3  # m
 ANGLE_ERROR = math.radians(0.5)
-AXES = ("armx", "army", "armz", "armrx", "armry", "armrz")
+AXES = ARM_ACTIONS[:-1]
 ROOM = (0.1, 0.25)  # m nearer and higher: where translations start, to have room for a second of armx and armz
 BEYOND = (1.1, 1.25)  # of the amount: what a pose must leave room for, translations and rotations
 CLEARANCE = 0.12  # m between the table and a hand that shall touch nothing

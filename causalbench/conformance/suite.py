@@ -11,7 +11,7 @@ from typing import Any
 from causalbench.conformance.bench import Bench
 from causalbench.conformance.checks import contact, drive, facts, life, motion, repeat, reset, rgb, solve, spec
 from causalbench.core.world.capabilities import Capability
-from causalbench.core.world.scene import SceneSpec
+from causalbench.core.world.scene import ARM_ACTIONS, SceneSpec
 from causalbench.errors import UnknownNameError, UserError
 from causalbench.plugins.hookspecs import Backend
 
@@ -54,7 +54,6 @@ class Check:
         return [name for name in self.needs if name not in spec.capabilities and name not in spec.actions]
 
 
-ARM = ("armx", "army", "armz", "armrx", "armry", "armrz", "grip")
 MOBILE = (Capability.MOBILE_BASE,)
 
 CHECKS = (
@@ -82,7 +81,7 @@ CHECKS = (
     Check(motion.s22_invalid_actions),
     Check(motion.s23_finite),
     Check(contact.s24_collision, ("armz",)),
-    Check(contact.s25_clear, ARM),
+    Check(contact.s25_clear, ARM_ACTIONS),
     Check(contact.s26_holding, ("grip",)),
     Check(repeat.s27_deterministic),
     Check(repeat.s28_new_process),
@@ -95,8 +94,8 @@ CHECKS = (
     Check(life.s35_close),
     Check(life.s36_imports),
     Check(life.s37_spawn),
-    Check(solve.s38_expert, ARM),
-    Check(solve.s39_lift, ARM),
+    Check(solve.s38_expert, ARM_ACTIONS),
+    Check(solve.s39_lift, ARM_ACTIONS),
     Check(drive.s40_room, MOBILE),
     Check(drive.s41_arc, MOBILE),
     Check(drive.s42_base_velocity, MOBILE),
@@ -104,7 +103,7 @@ CHECKS = (
     Check(drive.s44_lidar_fixtures_only, (*MOBILE, Capability.LIDAR)),
     Check(drive.s45_base_collision, MOBILE),
     Check(drive.s46_snapshot_drive, MOBILE),
-    Check(drive.s47_mobile_expert, (*MOBILE, *ARM)),
+    Check(drive.s47_mobile_expert, (*MOBILE, *ARM_ACTIONS)),
     Check(rgb.s48_picture, (Capability.RGB,)),
 )
 """The contract, in the order of its numbers."""

@@ -12,7 +12,7 @@ import numpy as np
 from conformance import hasty
 from numpy.typing import NDArray
 
-from causalbench.core.kinematic.mobile import BASE_HIT, LIDAR_POSITION, MOBILE_SPEC, MobileKinematicScene
+from causalbench.core.kinematic.mobile import BASE_HIT, MOBILE_SPEC, MobileKinematicScene
 from causalbench.core.kinematic.worlds import BASE_POSE, BOX, BOX_HALF, COMMAND, HAND, SPEC, TABLE_HIT, KinematicScene
 from causalbench.core.world import lidar
 from causalbench.core.world.facts import Facts
@@ -457,12 +457,12 @@ class StaleScan(AlteredMobile):
         self.own[:3] = layout.base_pose
 
     def lidar(self) -> Array:
-        return lidar.scan(self._world.boxes, lidar.scanner_pose(self.own[:3], LIDAR_POSITION))
+        return lidar.scan(self._world.boxes, lidar.scanner_pose(self.own[:3], lidar.POSITION))
 
 
 class SeesTheTarget(AlteredMobile):
     def lidar(self) -> Array:
-        pose = lidar.scanner_pose(self.state[BASE_POSE], LIDAR_POSITION)
+        pose = lidar.scanner_pose(self.state[BASE_POSE], lidar.POSITION)
         facts = KinematicScene.facts(self)
         row = np.concatenate([np.full(3, 0.05), facts.object_position, facts.object_quaternion])
         return np.minimum(super().lidar(), lidar.scan(row[None], pose))

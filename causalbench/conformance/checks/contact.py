@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import islice
 
 from causalbench.conformance.bench import Bench, expect
-from causalbench.conformance.moves import accepts, act, clear_poses, clear_start, grasp, press, start, steps
+from causalbench.conformance.moves import AXES, accepts, act, clear_poses, clear_start, grasp, press, start, steps
 
 
 def s24_collision(bench: Bench) -> None:
@@ -31,7 +31,7 @@ def s25_clear(bench: Bench) -> None:
     scene = bench.scene
     accepted = (layout for layout in clear_poses(scene) if accepts(scene, layout))
     for _ in islice(accepted, 5):
-        for name in ("armx", "army", "armz", "armrx", "armry", "armrz"):
+        for name in AXES:
             for value in (0.3, -0.3):
                 facts = act(scene, 2, **{name: value})
                 flags = {n: bool(getattr(facts, n)) for n in ("collision_base", "collision_arm", "collision_self")}

@@ -33,7 +33,7 @@ from causalbench.core.kinematic.worlds import (
     reach_limit,
 )
 from causalbench.core.kit import base_following as driving
-from causalbench.core.kit.robots.fetch import CARRY, LIDAR_POSITION  # the same rooms and scans as Fetch's
+from causalbench.core.kit.robots.fetch import CARRY
 from causalbench.core.kit.snapshots import spec_digest
 from causalbench.core.numerics import kernels, rotations
 from causalbench.core.numerics.gufunc import broadcast
@@ -49,7 +49,7 @@ Array = NDArray[np.float64]
 
 BASE_RADIUS, BASE_HEIGHT = 0.28, 0.40  # m, of the cylinder that carries the hand
 BASE_STEP = driving.SPEED * SPEC.control_dt
-MOBILE_SPEC = driving.driving_spec(SPEC, CARRY, LIDAR_POSITION)
+MOBILE_SPEC = driving.driving_spec(SPEC, CARRY, lidar.POSITION)
 SNAPSHOT_HEADER = spec_digest(MOBILE_SPEC)
 NOWHERE = np.array([0.0, 0.0, 0.0, 1e9, 1e9, 1e9, 1.0, 0.0, 0.0, 0.0])
 """The row of a box that nothing meets: worlds of a batch may have different numbers of boxes."""
@@ -162,7 +162,7 @@ class MobileWorlds(KinematicWorlds):
 
     def lidar(self) -> Array:
         """Ranges (*shape, 220) in metres."""
-        return lidar.scan(self.boxes, lidar.scanner_pose(self.state[..., BASE_POSE], LIDAR_POSITION))
+        return lidar.scan(self.boxes, lidar.scanner_pose(self.state[..., BASE_POSE], lidar.POSITION))
 
 
 def _in_boxes(boxes: Array, point: Array) -> NDArray[np.bool_]:

@@ -32,7 +32,7 @@ from causalbench.core.world.cameras import find_camera
 from causalbench.core.world.capabilities import Capability
 from causalbench.core.world.facts import Facts
 from causalbench.core.world.layout import Layout, Workspace
-from causalbench.core.world.scene import ACTION_SPEED, Scene, SceneSpec, check_action
+from causalbench.core.world.scene import ACTION_SPEED, ARM_ACTIONS, Scene, SceneSpec, check_action
 from causalbench.errors import SnapshotError, UnreachableLayoutError
 
 Array = NDArray[np.float64]
@@ -54,15 +54,14 @@ WORKSPACE = Workspace(
     hand_low=(0.69, -0.20, 1.00),
     hand_high=(0.77, 0.20, 1.13),
 )
-ACTIONS = ("armx", "army", "armz", "armrx", "armry", "armrz", "grip")
 SPEC = SceneSpec(
     backend="kinematic",
     backend_version="1",
     engine="numpy",
     engine_version="1",  # the closed form above, not numpy's release
     robot="floating hand",
-    actions=ACTIONS,
-    action_speed=tuple(ACTION_SPEED[a] for a in ACTIONS),
+    actions=ARM_ACTIONS,
+    action_speed=tuple(ACTION_SPEED[a] for a in ARM_ACTIONS),
     workspace=WORKSPACE,
     max_opening=MAX_OPENING,
     control_dt=CONTROL_DT,
@@ -113,7 +112,7 @@ class KinematicWorlds:
 
     def step(self, actions: Array) -> None:
         """One control step; `actions` (*shape, 7)."""
-        self._move_arm((check_action(actions, (*self.shape, len(ACTIONS))) * STEP).T)
+        self._move_arm((check_action(actions, (*self.shape, len(ARM_ACTIONS))) * STEP).T)
 
     def _move_arm(self, move: Array) -> None:
         """Move hand and gripper by `move` (7, *shape) in m and rad, as the module says."""

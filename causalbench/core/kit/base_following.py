@@ -10,23 +10,20 @@ from numpy.typing import NDArray
 
 from causalbench.core.world.capabilities import Capability
 from causalbench.core.world.layout import Carry
-from causalbench.core.world.scene import ACTION_SPEED, SceneSpec
+from causalbench.core.world.scene import ACTION_SPEED, BASE_ACTIONS, SceneSpec
 
 Array = NDArray[np.float64]
 
 LEAD = 0.02  # m and rad by which the reference may run ahead of a base that something stops
-
-
-ACTIONS = ("forward", "turn")
 DRIVING_CAPABILITIES = frozenset({Capability.MOBILE_BASE, Capability.LIDAR})
-SPEED = np.array([ACTION_SPEED[name] for name in ACTIONS])  # m/s, rad/s
+SPEED = np.array([ACTION_SPEED[name] for name in BASE_ACTIONS])  # m/s, rad/s
 
 
 def driving_spec(spec: SceneSpec, carry: Carry, lidar_position: tuple[float, float, float]) -> SceneSpec:
-    """`spec` of a robot that stands, with a base that drives and a LiDAR."""
+    """The spec of a robot that stands, changed to that of one with a base that drives and a LiDAR."""
     return replace(
         spec,
-        actions=(*ACTIONS, *spec.actions),
+        actions=(*BASE_ACTIONS, *spec.actions),
         action_speed=(*SPEED.tolist(), *spec.action_speed),
         workspace=replace(spec.workspace, carry=carry),
         capabilities=spec.capabilities | DRIVING_CAPABILITIES,

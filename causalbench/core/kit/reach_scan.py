@@ -1,13 +1,12 @@
 """Where a robot can start: the scan behind a plugin's `WORKSPACE`, which its `reach_scan` module prints.
 
-The rule: a box may stand wherever its hover pose (tilted or not) and its face-down grasp are all reachable. The hand
-starts clear of the box, as far out as leaves at least half of the tilted postures reachable on each face of its box.
-Then starts are drawn for real, and counted: how many are refused, and how many lie on the reach limit.
+The rule: a box may stand wherever all poses that the task demands around it are reachable. The hand starts clear of the
+box, as far out as leaves at least half of the tilted postures reachable on each face of its box. Then starts are drawn
+for real, and counted: how many are refused, and how many lie on the reach limit.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
@@ -16,8 +15,8 @@ from numpy.typing import NDArray
 
 from causalbench.core.kit import arm_ik
 from causalbench.core.numerics import rotations
-from causalbench.core.tasks import pure_manipulation as task
 from causalbench.core.world.layout import Workspace
+from causalbench.core.world.reach import ReachDemands, Tilts
 from causalbench.core.world.scene import Scene
 from causalbench.errors import UnreachableLayoutError
 
@@ -29,9 +28,6 @@ SHORT = 0.5  # it is at the limit if they bring the hand less than this share of
 BENT = 0.05  # and its height depends on armx if they change it by this share of the way
 FACE_POINTS = 7  # per side of the grid on a face of the hand's box
 AROUND = 0.15  # m around the declared boxes that the printed maps show
-TILTED = [(pitch, roll) for pitch in (task.TILT_LOW, 0.675, task.TILT_HIGH) for roll in (-task.ROLL, 0.0, task.ROLL)]
-_SLANT = task.TOLERANCE_ORI / math.sqrt(2)
-FACE_DOWN = [(pitch, roll) for pitch in (-_SLANT, 0.0, _SLANT) for roll in (-_SLANT, 0.0, _SLANT)]
 
 
 @dataclass(frozen=True)
@@ -42,7 +38,7 @@ class Arm:
     starts: tuple[Array, ...]
     usable: Callable[[Array], bool] = lambda joints: True
 
-    def reachable(self, position: Point, tilts: list[tuple[float, float]]) -> float:
+    def reachable(self, position: Point, tilts: Tilts) -> float:
         """Share of `tilts` (pitch, roll) that the hand can take at `position` (3,) m in the base frame."""
         return float(np.mean([self._takes(position, *tilt) for tilt in tilts]))
 
@@ -52,26 +48,20 @@ class Arm:
         except UnreachableLayoutError:
             return False
 
-    def serves(self, x: float, y: float, table_height: float) -> bool:
-        """Whether a box at (x, y) can be hovered over, tilted or not, and grasped face down, at all tolerated offsets.
-
-        Metres, base frame.
-        """
-        z = table_height + task.BOX_HALF_EXTENTS[2]
-        heights = [
-            (task.HOVER + offset, TILTED + FACE_DOWN) for offset in (-task.TOLERANCE_HOVER, task.TOLERANCE_HOVER)
-        ]
+    def serves(self, x: float, y: float, table_height: float, demands: ReachDemands) -> bool:
+        """Whether all that is demanded around a box at (x, y) on a table is reachable; metres, base frame."""
+        z, off = table_height + demands.rise, demands.offset
         return all(
             self.reachable((x + dx, y + dy, z + height), tilts) == 1.0
-            for dx in (-task.TOLERANCE_XY, task.TOLERANCE_XY)
-            for dy in (-task.TOLERANCE_XY, task.TOLERANCE_XY)
-            for height, tilts in (*heights, (task.GRASP_HEIGHT, FACE_DOWN))
+            for dx in (-off, off)
+            for dy in (-off, off)
+            for height, tilts in demands.poses
         )
 
 
 def posture(pitch: float, roll: float) -> Array:
     """Rotation matrix (3, 3) in the base frame of a hand that points `pitch` rad forward of straight down."""
-    tilted = rotations.multiply(task.FACE_DOWN, rotations.from_axis_angle(1, -pitch))
+    tilted = rotations.multiply(rotations.FACE_DOWN, rotations.from_axis_angle(1, -pitch))
     return rotations.matrix(rotations.multiply(tilted, rotations.from_axis_angle(0, roll)))
 
 
@@ -84,21 +74,21 @@ def faces(low: Point, high: Point) -> Iterator[tuple[str, list[Point]]]:
             yield f"{side} {'xyz'[axis]}", [tuple(point) for point in points.tolist()]
 
 
-def draw_starts(scene: Scene, count: int, seed: int = 0) -> dict[str, float]:
-    """Shares of `count` drawn starts of stage 1: refused by cause; at the reach limit, among the accepted."""
+def draw_starts(scene: Scene, demands: ReachDemands, count: int, seed: int = 0) -> dict[str, float]:
+    """Shares of `count` drawn starts: refused by cause; at the reach limit, among the accepted."""
     rng = np.random.default_rng(seed)
     refused = dict.fromkeys(("out of reach or not at rest", "in contact", "in another stage"), 0)
     short = bent = 0
     for _ in range(count):
         try:
-            scene.reset(task.draw_layout(rng, scene.spec.workspace, scene.spec.max_opening, 1))
+            scene.reset(demands.draw_start(rng, scene.spec.workspace, scene.spec.max_opening))
         except UnreachableLayoutError:
             refused["out of reach or not at rest"] += 1
             continue
         facts = scene.facts()
         if facts.collision_arm or facts.collision_self or facts.collision_base:
             refused["in contact"] += 1
-        elif task.stage(facts) != 1:
+        elif not demands.is_start(facts):
             refused["in another stage"] += 1
         else:
             forward, up = _push(scene)
@@ -123,7 +113,7 @@ def _push(scene: Scene) -> tuple[float, float]:
     return float(np.cos(yaw) * moved[0] + np.sin(yaw) * moved[1]), float(moved[2])
 
 
-def scan(arm: Arm, scene: Scene, count: int = 2000) -> Iterator[str]:
+def scan(arm: Arm, scene: Scene, demands: ReachDemands, count: int = 2000) -> Iterator[str]:
     """The lines of the scan: maps of reach around the workspace of `scene`, and what became of `count` drawn starts."""
     w: Workspace = scene.spec.workspace
     xs = np.arange(w.hand_low[0] - AROUND, w.hand_high[0] + AROUND, 0.05)
@@ -131,14 +121,14 @@ def scan(arm: Arm, scene: Scene, count: int = 2000) -> Iterator[str]:
     for y in (0.0, w.hand_high[1]):
         yield f"y = {y}"
         for z in np.arange(w.hand_high[2] + AROUND, w.hand_low[2] - AROUND, -0.05):
-            yield f"{z:.2f} " + " ".join(f"{arm.reachable((x, y, z), TILTED):4.2f}" for x in xs)
+            yield f"{z:.2f} " + " ".join(f"{arm.reachable((x, y, z), demands.tilts):4.2f}" for x in xs)
     ys = np.arange(w.object_low[1] - AROUND, w.object_high[1] + AROUND + 0.01, 0.05)
-    yield f"box: X where hover and grasp are reachable throughout; rows x, columns y from {ys[0]:.2f} by 0.05"
+    yield f"box: X where all demanded poses are reachable; rows x, columns y from {ys[0]:.2f} by 0.05"
     for x in np.arange(w.object_low[0] - AROUND, w.object_high[0] + AROUND, 0.02):
-        yield f"{x:.2f} " + "".join(".X"[arm.serves(x, y, w.table_height)] for y in ys)
+        yield f"{x:.2f} " + "".join(".X"[arm.serves(x, y, w.table_height, demands)] for y in ys)
     yield "declared hand box: reachable share of each face"
     for name, points in faces(w.hand_low, w.hand_high):
-        yield f"{name:7} {np.mean([arm.reachable(point, TILTED) for point in points]):.2f}"
+        yield f"{name:7} {np.mean([arm.reachable(point, demands.tilts) for point in points]):.2f}"
     yield f"{count} drawn starts"
-    for name, share in draw_starts(scene, count).items():
+    for name, share in draw_starts(scene, demands, count).items():
         yield f"{name:28} {share:.3f}"

@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
+HOLDING_FORCE = 5.0  # N of each pad on the object: two and a half times the weight of the task's box
+"""With more than this both pads must press for `Facts.holding`, in simulators that tell forces."""
+
 
 @dataclass(frozen=True, slots=True)
 class Facts:

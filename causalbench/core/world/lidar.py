@@ -16,7 +16,9 @@ Array = NDArray[np.float64]
 
 N_RAYS = 220
 ANGLES = np.radians(np.linspace(-110.0, 110.0, N_RAYS))
-"""Of the rays from straight ahead (220,), from right to left, in the plane z = height of the scanner."""
+"""Angle of each ray from straight ahead (220,), radians; ray 0 is the rightmost. All lie in the scanner's height."""
+POSITION = (0.235, 0.0, 0.2878)
+"""Of the scanner in the base frame, m: where Fetch has its laser; one for all robots, so that they see alike."""
 MAX_RANGE = 10.0  # m; also what a ray that meets nothing says
 
 

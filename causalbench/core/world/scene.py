@@ -34,6 +34,9 @@ ACTION_SPEED: Mapping[str, float] = {
     "grip": 0.2,  # m/s by which the distance between the finger pads shrinks
 }
 """Every macro action in the project's order, with its default speed at full deflection."""
+BASE_ACTIONS = ("forward", "turn")
+ARM_ACTIONS = tuple(name for name in ACTION_SPEED if name not in BASE_ACTIONS)
+"""Those of a robot that drives, and those of its arm and gripper, which every robot has."""
 
 
 @dataclass(frozen=True)

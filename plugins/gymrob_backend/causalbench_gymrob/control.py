@@ -1,40 +1,19 @@
-"""One control step, compiled: servo targets and physics in a single call that reaches libmujoco by symbol name.
-
-Names, not function pointers, let numba keep the machine code on disk between processes.
-"""
+"""One control step, compiled: servo targets and physics in a single call."""
 
 from __future__ import annotations
-
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core.kit import arm_ik, joint_following
-from causalbench.core.numerics.compiled import compiled, external
-from causalbench_gymrob.engine import mujoco
+from causalbench.backend import arm_ik, compiled, joint_following
 from causalbench_gymrob.model import FINGER_RANGE
+from causalbench_mujoco.library import mj_step, mj_step2
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 GRIP_LEAD = 0.015  # m by which a finger's target may run ahead of the finger: 30 N of grip
 LOWEST, HIGHEST = FINGER_RANGE
-
-
-def _library() -> str:
-    """Path of the library that the mujoco package has loaded."""
-    folder = Path(mujoco.__file__).parent
-    found = [path for pattern in ("libmujoco.*", "mujoco.dll") for path in sorted(folder.glob(pattern))]
-    if not found:
-        raise ImportError(f"no MuJoCo library in {folder}")
-    return str(found[0])
-
-
-_LIBRARY = _library()
-# mjModel*, mjData* and arrays travel as addresses.
-_mj_step = external(_LIBRARY, "mj_step", "address", "address")
-_mj_step2 = external(_LIBRARY, "mj_step2", "address", "address")
 
 
 @compiled
@@ -78,6 +57,6 @@ def control_step(
             _move_fingers(qpos, ctrl, fingers, servos, delta[6])
         for substep in range(substeps):
             if part == 0 and substep == 0:
-                _mj_step2(model, data)
+                mj_step2(model, data)
             else:
-                _mj_step(model, data)
+                mj_step(model, data)

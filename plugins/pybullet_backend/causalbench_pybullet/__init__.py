@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
-from causalbench.core.kit.base_following import DRIVING_CAPABILITIES
-from causalbench.core.world.capabilities import Capability
-from causalbench.plugins.hookspecs import Backend, hookimpl
-
-if TYPE_CHECKING:
-    from causalbench.core.world.scene import Scene
+import causalbench_mujoco
+from causalbench.backend import Backend, Capability, Scene, base_following, hookimpl, require
 
 __version__ = "0.1.0"
 CAPABILITIES = frozenset({Capability.EXACT_RESTORE, Capability.PHYSICS, Capability.RGB})
+RELEASES = {"pybullet": "==3.2.7", "mujoco": causalbench_mujoco.RELEASES, "gymnasium-robotics": "==1.4.2"}
+"""What is known to work; MuJoCo compiles the robot."""
 
 # On a base that can give way the solver converges more slowly: with 20 passes a held box turns in the hand.
 ITERATIONS, MOBILE_ITERATIONS = 20, 50
@@ -28,24 +25,18 @@ def make(
     `mobile`: then the base drives, and there is a LiDAR. Raises `BrokenVersionError` when something installed is a
     version that is known not to work.
     """
-    from causalbench_pybullet.versions import check_versions
-
-    check_versions()  # before the import below: a broken version may fail in it with an obscure message
-    if solver_iterations is None:
-        solver_iterations = MOBILE_ITERATIONS if mobile else ITERATIONS
-    if mobile:
-        from causalbench_pybullet.mobile import MobilePybulletScene
-
-        return MobilePybulletScene(control_hz, timestep, solver_iterations)
+    require(RELEASES)  # before the imports below: a broken version may fail in them with an obscure message
+    from causalbench_pybullet.mobile import MobilePybulletScene
     from causalbench_pybullet.scene import PybulletScene
 
-    return PybulletScene(control_hz, timestep, solver_iterations)
+    if solver_iterations is None:
+        solver_iterations = MOBILE_ITERATIONS if mobile else ITERATIONS
+    return (MobilePybulletScene if mobile else PybulletScene)(control_hz, timestep, solver_iterations)
 
 
 @hookimpl
 def causalbench_backends(register: Callable[[Backend], None]) -> None:
     """Register the backend "pybullet"."""
     modules = ("pybullet", "mujoco", "gymnasium_robotics")
-    register(
-        Backend("pybullet", make, "Bullet", "Fetch", modules, CAPABILITIES, mobile_capabilities=DRIVING_CAPABILITIES)
-    )
+    mobile = base_following.DRIVING_CAPABILITIES
+    register(Backend("pybullet", make, "Bullet", "Fetch", modules, CAPABILITIES, mobile_capabilities=mobile))

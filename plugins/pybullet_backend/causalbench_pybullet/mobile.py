@@ -8,12 +8,7 @@ from itertools import repeat
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core.kit import base_following as driving
-from causalbench.core.kit.robots.fetch import BASE_FORCE, CARRY, LIDAR_POSITION
-from causalbench.core.kit.snapshots import SnapshotCodec
-from causalbench.core.world import lidar
-from causalbench.core.world.layout import Layout
-from causalbench.core.world.scene import check_action
+from causalbench.backend import Layout, SnapshotCodec, base_following, check_action, fetch, lidar
 from causalbench_pybullet.engine import pb
 from causalbench_pybullet.reading import read_contacts
 from causalbench_pybullet.robot import Robot
@@ -50,7 +45,7 @@ class MobileWorld(World):
     def drive(self, velocities: Array) -> None:
         """Velocities (3,) of x, y and yaw that the base's motors hold until the next call."""
         pb.setJointMotorControlArray(
-            self.robot, self.rails, pb.VELOCITY_CONTROL, targetVelocities=velocities.tolist(), forces=BASE_FORCE,
+            self.robot, self.rails, pb.VELOCITY_CONTROL, targetVelocities=velocities.tolist(), forces=fetch.BASE_FORCE,
             **self._at,
         )  # fmt: skip
 
@@ -61,7 +56,7 @@ class MobileWorld(World):
 
     def scan(self) -> Array:
         """Ranges (220,) in metres of the LiDAR."""
-        origin, rays = lidar.rays(self.base_state()[:3], LIDAR_POSITION)
+        origin, rays = lidar.rays(self.base_state()[:3], lidar.POSITION)
         starts, ends = list(repeat(origin.tolist(), lidar.N_RAYS)), (origin + lidar.MAX_RANGE * rays).tolist()
         hits = pb.rayTestBatch(starts, ends, collisionFilterMask=STATIC, **self._at)
         return np.array([lidar.MAX_RANGE * hit[2] for hit in hits])  # the fraction is 1 where nothing is met
@@ -72,11 +67,11 @@ class MobilePybulletScene(PybulletScene):
 
     world_type = MobileWorld
 
-    def __init__(self, control_hz: float = 10.0, timestep: float = 1 / 240, solver_iterations: int = 20) -> None:
+    def __init__(self, control_hz: float, timestep: float, solver_iterations: int) -> None:
         super().__init__(control_hz, timestep, solver_iterations)
-        self.spec = driving.driving_spec(self.spec, CARRY, LIDAR_POSITION)
+        self.spec = base_following.driving_spec(self.spec, fetch.CARRY, lidar.POSITION)
         self._codec = SnapshotCodec(self.spec)
-        self._way = driving.SPEED * self.spec.control_dt
+        self._way = base_following.SPEED * self.spec.control_dt
         self._reference = np.zeros(3)
 
     @property
@@ -95,7 +90,7 @@ class MobilePybulletScene(PybulletScene):
         """Advance by one `spec.control_dt`; `action` (9,) in [-1, 1]. Raises `InvalidActionError`."""
         action = check_action(action, (len(self.spec.actions),))
         measured, way = self.world.base_state()[:3], action[:2] * self._way
-        self.world.drive(driving.follow(self._reference, measured, way, self.spec.control_dt))
+        self.world.drive(base_following.follow(self._reference, measured, way, self.spec.control_dt))
         super().step(action[2:])
 
     def lidar(self) -> Array:

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core.kit.contacts import HOLDING_FORCE
-from causalbench.core.numerics import kernels
+from causalbench.backend import HOLDING_FORCE, kernels
 from causalbench_pybullet.engine import pb
 from causalbench_pybullet.robot import Robot
 from causalbench_pybullet.world import World

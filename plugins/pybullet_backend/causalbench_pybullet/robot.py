@@ -11,15 +11,16 @@ import tempfile
 from dataclasses import dataclass
 from functools import cache
 from importlib import metadata
-from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 
-from causalbench.core.kit.arm_ik import Chain
-from causalbench.core.kit.robots import fetch
+import causalbench_mujoco
+from causalbench.backend import arm_ik, fetch
+from causalbench_mujoco.fetch_assets import fetch_assets
 
-_GENERATOR = (Path(__file__).with_name("urdf.py"), Path(fetch.__file__))
+_KIT = Path(causalbench_mujoco.__file__).parent
+_GENERATOR = (Path(__file__).with_name("urdf.py"), Path(fetch.__file__), _KIT / "fetch_model.py", _KIT / "arms.py")
 
 
 @dataclass(frozen=True)
@@ -27,7 +28,7 @@ class Robot:
     """Fetch as a URDF, with its arm's kinematics in the base frame."""
 
     urdf: Path
-    chain: Chain
+    chain: arm_ik.Chain
     hand_position: tuple[float, ...]  # m, of the end effector in the last link
     hand_quaternion: tuple[float, ...]  # (x, y, z, w), Bullet's order
     gap: float  # m between closed finger pads
@@ -43,16 +44,15 @@ def cache_folder() -> Path:
 @cache
 def load() -> Robot:
     """The robot; the first use on a machine takes seconds."""
-    source = assets()
-    final = cache_folder() / f"fetch-urdf-{_content_hash(source)}"
+    final = cache_folder() / f"fetch-urdf-{_content_hash(fetch_assets())}"
     if not (final / "fetch.json").exists():
         try:
-            _make(source, final)
+            _make(final)
         except OSError as error:
             folder = tempfile.TemporaryDirectory(prefix="causalbench-")
             _KEPT.append(folder)
             final = Path(folder.name) / "robot"
-            _make(source, final)
+            _make(final)
             logging.getLogger(__name__).warning(
                 "the robot is generated anew in every process, for the cache cannot be written (XDG_CACHE_HOME): %s",
                 error,
@@ -62,7 +62,7 @@ def load() -> Robot:
     parts = (facts["rotations"], facts["offsets"], facts["axes"], limits)
     return Robot(
         urdf=final / "fetch.urdf",
-        chain=Chain(*(np.array(part, dtype=np.float64) for part in parts)),
+        chain=arm_ik.Chain(*(np.array(part, dtype=np.float64) for part in parts)),
         hand_position=tuple(facts["hand_position"]),
         hand_quaternion=tuple(facts["hand_quaternion"]),
         gap=facts["gap"],
@@ -74,14 +74,6 @@ def load() -> Robot:
 _KEPT: list[tempfile.TemporaryDirectory[str]] = []  # deleted when the process ends
 
 
-def assets() -> Path:
-    """Folder of the installed robot files. Looked up without the import, which prints warnings and costs a second."""
-    spec = find_spec("gymnasium_robotics")
-    if spec is None or spec.origin is None:
-        raise ModuleNotFoundError("gymnasium_robotics is not installed")
-    return Path(spec.origin).parent / "envs" / "assets"
-
-
 def _content_hash(source: Path) -> str:
     """Of everything that the generated files depend on."""
     digest = hashlib.sha256(f"mujoco {metadata.version('mujoco')}".encode())
@@ -91,7 +83,7 @@ def _content_hash(source: Path) -> str:
     return digest.hexdigest()[:24]
 
 
-def _make(source: Path, final: Path) -> None:
+def _make(final: Path) -> None:
     """Generate into a folder beside `final` and rename that, so that `final` is never half written."""
     from causalbench_pybullet import urdf
 
@@ -99,7 +91,7 @@ def _make(source: Path, final: Path) -> None:
     with tempfile.TemporaryDirectory(prefix=".making-", dir=final.parent) as scratch:
         made = Path(scratch) / "robot"
         made.mkdir()
-        urdf.write(source / "fetch" / "pick_and_place.xml", made)
+        urdf.write(made)
         try:
             made.rename(final)
         except OSError:  # another process was faster

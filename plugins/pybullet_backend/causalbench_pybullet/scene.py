@@ -7,14 +7,23 @@ from importlib import metadata
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core.kit import arm_ik, joint_following, stepping
-from causalbench.core.kit.robots import fetch
-from causalbench.core.kit.snapshots import SnapshotCodec
-from causalbench.core.world.cameras import find_camera
-from causalbench.core.world.facts import Facts
-from causalbench.core.world.layout import Layout
-from causalbench.core.world.scene import ACTION_SPEED, Scene, SceneSpec, check_action
-from causalbench.errors import CausalbenchError, UserError
+from causalbench.backend import (
+    ACTION_SPEED,
+    ARM_ACTIONS,
+    CausalbenchError,
+    Facts,
+    Layout,
+    Scene,
+    SceneSpec,
+    SnapshotCodec,
+    UserError,
+    arm_ik,
+    check_action,
+    fetch,
+    find_camera,
+    joint_following,
+    stepping,
+)
 from causalbench_pybullet import CAPABILITIES, __version__, robot
 from causalbench_pybullet.reading import read_contacts, read_poses
 from causalbench_pybullet.world import World, shapes_of
@@ -30,7 +39,7 @@ class PybulletScene(Scene):
 
     world_type: type[World] = World
 
-    def __init__(self, control_hz: float = 10.0, timestep: float = 1 / 240, solver_iterations: int = 20) -> None:
+    def __init__(self, control_hz: float, timestep: float, solver_iterations: int) -> None:
         self.substeps = stepping.whole_substeps(control_hz, timestep)
         if solver_iterations < 1:
             raise UserError(f"solver_iterations must be at least 1, not {solver_iterations}")
@@ -41,8 +50,8 @@ class PybulletScene(Scene):
             engine="Bullet",
             engine_version=f"{metadata.version('pybullet')}, {solver_iterations} solver iterations",
             robot="Fetch",
-            actions=fetch.ACTIONS,
-            action_speed=tuple(ACTION_SPEED[name] for name in fetch.ACTIONS),
+            actions=ARM_ACTIONS,
+            action_speed=tuple(ACTION_SPEED[name] for name in ARM_ACTIONS),
             workspace=fetch.WORKSPACE,
             max_opening=self._robot.gap + 2 * fetch.FINGER_STROKE,
             control_dt=self.substeps * timestep,
@@ -88,7 +97,7 @@ class PybulletScene(Scene):
 
     def step(self, action: Array) -> None:
         """Advance by one `spec.control_dt`; `action` (7,) in [-1, 1]. Raises `InvalidActionError`."""
-        delta = check_action(action, (len(fetch.ACTIONS),)) * self._stride
+        delta = check_action(action, (len(ARM_ACTIONS),)) * self._stride
         world, chain, dt = self.world, self._robot.chain, self._part * self.spec.timestep
         turn, closing = delta[:6], float(delta[6])
         for _ in range(self._parts):

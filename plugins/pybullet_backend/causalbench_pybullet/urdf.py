@@ -1,4 +1,4 @@
-"""Writes Fetch as a URDF with convex meshes, from gymnasium-robotics' MJCF by way of MuJoCo's compiler.
+"""Writes Fetch as a URDF with convex meshes, by way of MuJoCo's compiler.
 
 Kinematics, masses and shapes are those of the compiled model; torso and head are fixed to the base. Only needed when
 the cache of `robot.py` is empty.
@@ -14,49 +14,30 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core.kit.environment_variables import variable_by_default
-from causalbench.core.kit.robots import fetch
-
-with variable_by_default("MUJOCO_GL", "disable"):  # it needs no window system
-    import mujoco
+from causalbench.backend import fetch
+from causalbench_mujoco import fetch_model
+from causalbench_mujoco.arms import closed_gap
+from causalbench_mujoco.engine import mujoco
+from causalbench_mujoco.fetch_model import FINGERS, PREFIX
 
 Array = NDArray[np.float64]
 
-PREFIX = "robot0:"
 BASE, HAND = "base_link", "gripper_link"
-FINGERS = ("l_gripper_finger_link", "r_gripper_finger_link")
 RAILS = ("base_x", "base_y", "base_yaw")  # joints of a base that drives
-FIXED_JOINTS = ("torso_lift_joint", "head_pan_joint", "head_tilt_joint")
 _EFFORT = 'effort="1000" velocity="10"'  # required by the format, ignored: motors have limits of their own
 
 
-def write(mjcf: Path, folder: Path) -> None:
+def write(folder: Path) -> None:
     """Write the robot, its meshes and `fetch.json` (what else the plugin knows of it) into `folder`.
 
     In `fetch.urdf` the base is the root, in `fetch-mobile.urdf` it moves on the floor on joints of its own.
     """
-    robot = _Robot(_compile(mjcf))
+    robot = _Robot(fetch_model.load().compile())
     parts = [*robot.links(folder), *robot.joints()]
     for name, more in (("fetch", ()), ("fetch-mobile", _rails())):
         lines = ['<robot name="fetch">', *more, *parts, "</robot>", ""]
         (folder / f"{name}.urdf").write_text("\n".join(lines))
     (folder / "fetch.json").write_text(json.dumps(robot.facts()))
-
-
-def _compile(mjcf: Path) -> mujoco.MjModel:
-    """The stock model with torso and head fixed, light fingers and hulls of few vertices."""
-    spec = mujoco.MjSpec.from_file(str(mjcf))
-    torso = spec.body(PREFIX + "torso_lift_link")
-    torso.pos = np.add(torso.pos, [0.0, 0.0, fetch.TORSO_HEIGHT])
-    spec.body(PREFIX + "head_tilt_link").quat = [np.cos(fetch.HEAD_TILT / 2), 0.0, np.sin(fetch.HEAD_TILT / 2), 0.0]
-    for joint in FIXED_JOINTS:
-        spec.delete(spec.joint(PREFIX + joint))
-    for finger in FINGERS:
-        body = spec.body(PREFIX + finger)
-        body.mass, body.inertia, body.ipos = fetch.FINGER_MASS, [fetch.FINGER_INERTIA] * 3, [0.0, 0.0, 0.0]
-    for mesh in spec.meshes:
-        mesh.maxhullvert = fetch.HULL_VERTICES
-    return spec.compile()
 
 
 def _rails() -> Iterator[str]:
@@ -155,7 +136,7 @@ class _Robot:
             "limits": [model.jnt_range[joint].tolist() if model.jnt_limited[joint] else None for joint in joints],
             "hand_position": frames[-1][:3, 3].tolist(),
             "hand_quaternion": [*quaternion[1:].tolist(), float(quaternion[0])],
-            "gap": sum(self._pad_face(finger) for finger in FINGERS),
+            "gap": closed_gap(model, FINGERS),
             "base_links": [self.name(link) for link in self.bodies[1:] if self.part(link) == self.base],
             "passing": [[self.name(a), self.name(b)] for a, b in self._passing()],
         }
@@ -178,11 +159,6 @@ class _Robot:
     def _carrier(self, part: int) -> int:
         """The rigid part that carries a rigid part; of the base itself."""
         return self.base if part == self.base else self.part(self.parent(part))
-
-    def _pad_face(self, finger: str) -> float:
-        """Distance in metres of a closed finger's inner face from the hand's middle plane."""
-        body, geom = self.model.body(PREFIX + finger), self.model.geom(PREFIX + finger)
-        return abs(float(body.pos[1] + geom.pos[1])) - float(geom.size[1])
 
     def _inertial(self, link: int) -> str:
         """Mass and inertia of a link, its inertial frame parallel to the link's and the products left out.

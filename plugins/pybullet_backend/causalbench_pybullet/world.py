@@ -10,9 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core.kit.robots import fetch
-from causalbench.core.world.cameras import FOV, Camera
-from causalbench.core.world.layout import Box, Layout
+from causalbench.backend import FOV, Box, Camera, Layout, fetch
 from causalbench_pybullet.engine import pb
 from causalbench_pybullet.robot import Robot
 
@@ -20,7 +18,6 @@ Array = NDArray[np.float64]
 Shapes = tuple[tuple[float, ...], ...]
 
 GRAVITY = -9.81  # m/s2
-ARM_FORCE = (150.0, 150.0, 100.0, 100.0, 60.0, 60.0, 40.0)  # N m, of the joint motors, as in causalbench-gymrob
 FINGER_FORCE = 20.0  # N each; at 60 N and long timesteps the fingers sink into the object
 ARM_GAIN, FINGER_GAIN = 0.25, 0.2  # share of a joint's error that its motor takes out in one timestep
 # Anchored: friction also corrects positions, without which a held box creeps by some tenths of a millimetre a second.
@@ -86,7 +83,7 @@ class World:
         )  # fmt: skip
         pb.changeConstraint(gear, gearRatio=-1.0, erp=GEAR_ERP, maxForce=GEAR_FORCE, **self._at)
         n = len(self.arm)
-        self._forces = [*ARM_FORCE, *[FINGER_FORCE] * len(self.fingers)]
+        self._forces = [*fetch.ARM_FORCE, *[FINGER_FORCE] * len(self.fingers)]
         self._gains = [ARM_GAIN] * n + [FINGER_GAIN] * len(self.fingers)
         self._zeros, self._ones = [0.0] * len(self.joints), [1.0] * len(self.joints)
 

@@ -11,9 +11,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from causalbench.core.kit import arm_ik
-from causalbench.core.kit.robots import fetch
-from causalbench.core.numerics import rotations
+from causalbench.backend import arm_ik, fetch, rotations
+from causalbench_mujoco.fetch_assets import fetch_assets
 from causalbench_pybullet import robot
 from causalbench_pybullet.engine import pb
 from causalbench_pybullet.reading import read_poses
@@ -33,7 +32,7 @@ def world() -> Iterator[World]:
 @pytest.fixture(scope="module")
 def stock() -> mujoco.MjModel:
     """The installed model, nothing changed."""
-    return mujoco.MjModel.from_xml_path(str(robot.assets() / "fetch" / "pick_and_place.xml"))
+    return mujoco.MjModel.from_xml_path(str(fetch_assets() / "fetch" / "pick_and_place.xml"))
 
 
 def joint_names(world: World) -> list[str]:

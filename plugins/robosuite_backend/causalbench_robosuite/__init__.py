@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
-from causalbench.core.kit.base_following import DRIVING_CAPABILITIES
-from causalbench.core.world.capabilities import Capability
-from causalbench.plugins.hookspecs import Backend, hookimpl
-
-if TYPE_CHECKING:
-    from causalbench.core.world.scene import Scene
+from causalbench.backend import Backend, Capability, Scene, base_following, hookimpl, require
 
 __version__ = "0.1.0"
 CAPABILITIES = frozenset({Capability.EXACT_RESTORE, Capability.PHYSICS, Capability.RGB})
+RELEASES = {"mujoco": "==3.3.*", "robosuite": "==1.5.2"}
+"""What is known to work: the release whose models and controller are taken, and MuJoCo's whose inertia is read."""
 
 
 def make(control_hz: float = 10.0, timestep: float = 0.002, mobile: bool = False) -> Scene:
@@ -23,22 +19,15 @@ def make(control_hz: float = 10.0, timestep: float = 0.002, mobile: bool = False
 
     Raises `BrokenVersionError` when the installed simulator is a version that is not known to work.
     """
-    from causalbench_robosuite.versions import check_versions
-
-    check_versions()  # before the import below: a broken version may fail in it with an obscure message
-    if mobile:
-        from causalbench_robosuite.mobile import MobileRobosuiteScene
-
-        return MobileRobosuiteScene(control_hz, timestep)
+    require(RELEASES)  # before the import below: a broken version may fail in it with an obscure message
     from causalbench_robosuite.scene import RobosuiteScene
 
-    return RobosuiteScene(control_hz, timestep)
+    return RobosuiteScene(control_hz, timestep, mobile)
 
 
 @hookimpl
 def causalbench_backends(register: Callable[[Backend], None]) -> None:
     """Register the backend "robosuite"."""
     modules = ("mujoco", "robosuite")
-    register(
-        Backend("robosuite", make, "MuJoCo", "Panda", modules, CAPABILITIES, mobile_capabilities=DRIVING_CAPABILITIES)
-    )
+    mobile = base_following.DRIVING_CAPABILITIES
+    register(Backend("robosuite", make, "MuJoCo", "Panda", modules, CAPABILITIES, mobile_capabilities=mobile))

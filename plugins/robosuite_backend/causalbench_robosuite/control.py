@@ -1,42 +1,18 @@
-"""One control step, compiled: robosuite's OSC_POSE law, the gripper and physics in a single call.
-
-It reaches libmujoco by symbol name: names, not function pointers, let numba keep the machine code on disk between
-processes.
-"""
+"""One control step, compiled: robosuite's OSC_POSE law, the gripper and physics in a single call."""
 
 from __future__ import annotations
-
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core.kit import arm_ik, joint_following
-from causalbench.core.numerics import kernels, linear
-from causalbench.core.numerics.compiled import compiled, external
+from causalbench.backend import arm_ik, compiled, joint_following, kernels, linear
+from causalbench_mujoco.library import mj_jac_site, mj_step1, mj_step2
 from causalbench_robosuite import riding
-from causalbench_robosuite.engine import mujoco
 from causalbench_robosuite.structs import N_JOINTS, Base, Law, Reference, Robot, State, Work
 
 Array = NDArray[np.float64]
 
 NULL_KP, NULL_KD = 10.0, 2 * np.sqrt(10.0)  # robosuite's pull of the null space towards the posture, 1/s2 and 1/s
-
-
-def _library() -> str:
-    """Path of the library that the mujoco package has loaded."""
-    folder = Path(mujoco.__file__).parent
-    found = [path for pattern in ("libmujoco.*", "mujoco.dll") for path in sorted(folder.glob(pattern))]
-    if not found:
-        raise ImportError(f"no MuJoCo library in {folder}")
-    return str(found[0])
-
-
-_LIBRARY = _library()
-# mjModel*, mjData* and arrays travel as addresses.
-_mj_step1 = external(_LIBRARY, "mj_step1", "address", "address")
-_mj_step2 = external(_LIBRARY, "mj_step2", "address", "address")
-_mj_jac_site = external(_LIBRARY, "mj_jacSite", "address", "address", "address", "address", "int32")
 
 # A call that hands over tuples of dozens of arrays costs more than what most functions here compute.
 _inlined = compiled(error_model="numpy", forceinline=True)
@@ -271,13 +247,13 @@ def track(
     turning = _turn(speed, dt, work.turn)
     for substep in range(substeps):
         if substep:
-            _mj_step1(model, data)
+            mj_step1(model, data)
             riding.ride(base, robot, state, reference, speed, work.small, work.ride)
         _glide(reference, speed, dt, turning, work.turn, work.small)
-        _mj_jac_site(model, data, linear, angular, robot.site)
+        mj_jac_site(model, data, linear, angular, robot.site)
         _arm(reference, robot, state, law, speed, work)
         _grip(reference, robot, state, law, closing, dt)
-        _mj_step2(model, data)
+        mj_step2(model, data)
 
 
 @compiled(nogil=True)
@@ -304,7 +280,7 @@ def control_step(
     speed = np.empty(13)
     for part in range(parts):
         if part:
-            _mj_step1(model, data)
+            mj_step1(model, data)
         riding.locate(base, robot, state)
         _advance(chain, base, reference, state, law, delta[:6], substeps * dt, speed)
         track(model, data, substeps, dt, base, robot, law, reference, speed, delta[6] / (substeps * dt), state)

@@ -14,10 +14,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core.kit import arm_ik
-from causalbench.core.kit import contacts as readings
-from causalbench.core.kit.environment_variables import variable_by_default
-from causalbench_robosuite.engine import mujoco
+from causalbench.backend import variable_by_default
+from causalbench_mujoco import contacts
+from causalbench_mujoco.arms import HAND
+from causalbench_mujoco.bases import hold_velocity
+from causalbench_mujoco.boxes import TARGET, add_fixtures, add_target
+from causalbench_mujoco.engine import mujoco
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -30,8 +32,12 @@ FINGER_JOINTS = (f"{GRIPPER}finger_joint1", f"{GRIPPER}finger_joint2")
 FINGER_SERVOS = (f"{GRIPPER}gripper_finger_joint1", f"{GRIPPER}gripper_finger_joint2")
 PADS = (f"{GRIPPER}finger1_pad_collision", f"{GRIPPER}finger2_pad_collision")
 GRIP_SITE = f"{GRIPPER}grip_site"
-EEF_SITE = "eef"
-OBJECT = "object0"
+OMRON = "mobilebase0_"  # robosuite's prefix
+BASE_JOINTS = tuple(f"{OMRON}joint_mobile_{name}" for name in ("forward", "side", "yaw"))
+BASE_SERVOS = tuple(f"{OMRON}actuator_mobile_{name}" for name in ("forward", "side", "yaw"))
+BASE_KV = (1e4, 1e4, 3e3)  # N s / m, N m s / rad
+AXIS = 0.21  # m by which the axis of turning lies behind the foot of the arm
+FOOT, FIXED_FOOT = 0.70, 0.912  # m, height of the foot of the arm with the torso down, and on the fixed Panda's mount
 
 FINGER_STROKE = 0.04  # m by which each finger opens
 FINGER_RANGE = (-0.015, 0.042)  # m of servo target: presses closed fingers and thin objects, and opens against friction
@@ -98,9 +104,25 @@ def stock_xml(name: str) -> str:
     return xml
 
 
-def build(timestep: float, n_fixtures: int) -> mujoco.MjModel:
-    """The Panda on its mount in the world of `assemble`."""
-    return assemble("Panda", timestep, n_fixtures).compile()
+def build(timestep: float, n_fixtures: int, drives: bool) -> mujoco.MjModel:
+    """The Panda on its mount in the world of `assemble`; if it `drives`, the PandaOmron instead."""
+    spec = assemble("PandaOmron" if drives else "Panda", timestep, n_fixtures)
+    if drives:
+        _drive_base(spec)
+    return spec.compile()
+
+
+def _drive_base(spec: mujoco.MjSpec) -> None:
+    """The PandaOmron with its torso down, its axis of turning above the origin, its servos as stiff as a base needs."""
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST  # explicit damping of stiff servos diverges
+    spec.body(ROOT).pos = [AXIS, 0.0, 0.0]
+    spec.delete(spec.actuator(f"{OMRON}actuator_torso_height"))
+    spec.delete(spec.joint(f"{OMRON}joint_torso_height"))
+    spec.body(TARGET).gravcomp = 1.0  # so that the compiled model can compensate gravity at all
+    for name, servo, kv in zip(BASE_JOINTS, BASE_SERVOS, BASE_KV, strict=True):
+        # 250 N of dry friction along each axis of the world, whatever the heading: slow bases stop, others swerve.
+        spec.joint(name).frictionloss = 0.0
+        hold_velocity(spec.actuator(servo), kv)
 
 
 def assemble(robot: str, timestep: float, n_fixtures: int) -> mujoco.MjSpec:
@@ -134,7 +156,7 @@ def strip(spec: mujoco.MjSpec) -> None:
     grip = next(site for site in spec.sites if site.name == GRIP_SITE)
     half = float(np.sqrt(0.5))
     # Of the stock frame x is the closing axis; ours is y, with z, the approach axis, in common.
-    grip.parent.add_site(name=EEF_SITE, pos=grip.pos, quat=[half, 0.0, 0.0, -half], group=4)
+    grip.parent.add_site(name=HAND, pos=grip.pos, quat=[half, 0.0, 0.0, -half], group=4)
 
 
 def _furnish(spec: mujoco.MjSpec, n_fixtures: int) -> None:
@@ -142,25 +164,15 @@ def _furnish(spec: mujoco.MjSpec, n_fixtures: int) -> None:
     table = next(geom for geom in spec.geoms if geom.name == "table_collision")
     friction, solref, solimp = list(table.friction), list(table.solref), list(table.solimp)
     spec.delete(spec.body("table"))
-    for i in range(n_fixtures):
-        # A body of its own: sizes and poses set later then touch one bounding volume only.
-        spec.worldbody.add_body(name=f"fixture{i}").add_geom(
-            name=f"fixture{i}", type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.1, 0.1, 0.1],
-            friction=friction, solref=solref, solimp=solimp, rgba=[0.75, 0.7, 0.62, 1.0],
-        )  # fmt: skip
-    box = spec.worldbody.add_body(name=OBJECT, pos=[0.0, 0.0, 3.0])
-    box.add_freejoint(name=OBJECT)
-    box.add_geom(
-        name=OBJECT, type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.02, 0.02, 0.02], condim=4,
-        friction=[1.0, 0.02, 0.001], rgba=[0.85, 0.2, 0.1, 1.0],
-    )  # fmt: skip
+    add_fixtures(spec, n_fixtures, friction=friction, solref=solref, solimp=solimp)
+    add_target(spec)
     for geom in spec.geoms:
         geom.group = 0 if geom.group == 0 else 1  # both are drawn
         body = geom.parent.name
         geom.material = ""  # textures cost half of a picture, and collision shapes have signal colours
         if body.startswith((ROBOT, GRIPPER)):
             geom.rgba = [0.25, 0.25, 0.28, 1.0] if body.startswith(GRIPPER) else [0.9, 0.9, 0.88, 1.0]
-        elif not geom.name.startswith(("fixture", OBJECT)):
+        elif not geom.name.startswith(("fixture", TARGET)):
             floor = geom.type == mujoco.mjtGeom.mjGEOM_PLANE
             geom.rgba = [0.4, 0.4, 0.4, 1.0] if floor else [0.6, 0.6, 0.65, 1.0]
             if floor:
@@ -171,31 +183,18 @@ def geom_classes(model: mujoco.MjModel) -> Indices:
     """The class of every geom, (ngeom,)."""
     moving = int(model.joint(ARM_JOINTS[0]).bodyid[0])
     base = int(model.body_weldid[model.body_parentid[moving]])
-    classes = np.full(model.ngeom, readings.FIXTURE)
+    classes = np.full(model.ngeom, contacts.FIXTURE)
     for i in range(model.ngeom):
         body = model.body(model.geom_bodyid[i])
-        if body.name == OBJECT:
-            classes[i] = readings.TARGET
+        if body.name == TARGET:
+            classes[i] = contacts.TARGET
         elif "finger" in body.name:
             classes[i] = (
-                readings.LEFT
+                contacts.LEFT
                 if body.name in (f"{GRIPPER}leftfinger", f"{GRIPPER}finger_joint1_tip")
-                else readings.RIGHT
+                else contacts.RIGHT
             )
         elif body.rootid[0] == model.body(moving).rootid[0]:
             arm = body.name.startswith((ROBOT, GRIPPER)) and body.weldid[0] != base
-            classes[i] = readings.ARM if arm else readings.BASE
+            classes[i] = contacts.ARM if arm else contacts.BASE
     return classes
-
-
-def arm_chain(model: mujoco.MjModel) -> arm_ik.Chain:
-    """The arm from the floor under the mount to the end effector.
-
-    The model must be as built: with the robot's root above the origin.
-    """
-    data, joints = mujoco.MjData(model), [model.joint(name).id for name in ARM_JOINTS]
-    data.qpos[model.jnt_qposadr[joints]] = 0.0
-    mujoco.mj_kinematics(model, data)
-    limits = model.jnt_range[joints] + np.array([LIMIT_MARGIN, -LIMIT_MARGIN])
-    hand = data.site(EEF_SITE)
-    return arm_ik.chain_at_zero(data.xanchor[joints], data.xaxis[joints], limits, hand.xpos, hand.xmat.reshape(3, 3))

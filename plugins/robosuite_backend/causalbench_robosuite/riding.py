@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core.numerics import kernels
-from causalbench.core.numerics.compiled import compiled
+from causalbench.backend import compiled, kernels
 from causalbench_robosuite.structs import Base, Reference, Robot, State
 
 Array = NDArray[np.float64]

@@ -5,14 +5,14 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from causalbench.core.kit import arm_ik
-from causalbench_robosuite import model as panda
-from causalbench_robosuite.world import World
+from causalbench.backend import arm_ik
+from causalbench_mujoco.arms import HAND
+from causalbench_robosuite.world import PandaWorld
 
 
 def test_pose_and_jacobian_are_those_of_mujoco() -> None:
-    world, rng = World(0.002, n_fixtures=1), np.random.default_rng(0)
-    site = world.model.site(panda.EEF_SITE).id
+    world, rng = PandaWorld(0.002, n_fixtures=1), np.random.default_rng(0)
+    site = world.model.site(HAND).id
     position, rotation, jacobian = np.empty(3), np.empty((3, 3)), np.empty((6, 7))
     full = np.empty((6, world.model.nv))
     for _ in range(20):

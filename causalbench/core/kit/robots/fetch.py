@@ -6,7 +6,6 @@ import numpy as np
 
 from causalbench.core.world.layout import Carry, Workspace
 
-ACTIONS = ("armx", "army", "armz", "armrx", "armry", "armrz", "grip")
 JOINTS = ("shoulder_pan", "shoulder_lift", "upperarm_roll", "elbow_flex", "forearm_roll", "wrist_flex", "wrist_roll")
 """The arm's joints from the base to the hand; in the robot's files their names end in "_joint"."""
 
@@ -17,11 +16,15 @@ WORKSPACE = Workspace(
     hand_low=(0.65, -0.20, 0.75),
     hand_high=(0.98, 0.20, 1.05),
 )
-"""Result of `python -m causalbench_gymrob.reach_scan`; see the README of causalbench-gymrob."""
+"""Result of a scan of the arm's reach (`causalbench.core.kit.reach_scan`).
+
+The box starts where its hover pose, tilted or not, and its grasp are all in reach; the hand no higher than the upper
+arm stays clear of the head on the way down.
+"""
 
 CARRY = Carry(hand_low=(0.55, -0.08, 0.68), hand_high=(0.62, 0.08, 0.80), tilt=1.4, footprint=0.70)
-"""Of a driving Fetch: nearly level, from there every target of mobile manipulation that is near can be reached."""
-LIDAR_POSITION = (0.235, 0.0, 0.2878)  # m, base frame: where the robot's files have its laser
+"""Start pose of the hand on a driving Fetch: nearly level, from there every target that is near can be reached."""
+ARM_FORCE = (150.0, 150.0, 100.0, 100.0, 60.0, 60.0, 40.0)  # N m, of the arm's motors
 BASE_FORCE = (1500.0, 1500.0, 500.0)  # N, N, N m: what the wheels of a robot of this weight can push
 
 TORSO_HEIGHT = 0.30  # m of torso lift

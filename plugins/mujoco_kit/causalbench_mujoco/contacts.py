@@ -1,15 +1,11 @@
-"""What is read out of a simulator after a control step, in one compiled pass each: contact flags, pad forces, poses.
-
-Simulator-free: plain arrays, with contacts in the form in which MuJoCo lists them.
-"""
+"""What is read out of MuJoCo's arrays after a control step, in one compiled pass each: contact flags, forces, poses."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core.numerics import kernels
-from causalbench.core.numerics.compiled import compiled
+from causalbench.backend import HOLDING_FORCE, compiled, kernels
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -19,8 +15,6 @@ FIXTURE, BASE, ARM, LEFT, RIGHT, TARGET = range(6)
 
 The floor is a fixture.
 """
-
-HOLDING_FORCE = 5.0  # N of each pad on the object: two and a half times the weight of the task's box
 
 
 @compiled

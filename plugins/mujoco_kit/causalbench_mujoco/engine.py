@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from causalbench.core.kit.environment_variables import variable_by_default
+from causalbench.backend import variable_by_default
 
 with variable_by_default("MUJOCO_GL", "disable"):
     import mujoco

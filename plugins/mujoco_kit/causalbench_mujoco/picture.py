@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core.world.cameras import FOV, Camera
-from causalbench.errors import CausalbenchError
-from causalbench_gymrob.engine import mujoco
+from causalbench.backend import FOV, Camera, CausalbenchError
+from causalbench_mujoco.engine import mujoco
 
 MAX_GEOMS = 1000
 
@@ -47,7 +46,7 @@ class _Painter:
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
         self._scene = mujoco.MjvScene(model, MAX_GEOMS)
         self._options, self._view = mujoco.MjvOption(), mujoco.MjvCamera()
-        self._options.flags[mujoco.mjtVisFlag.mjVIS_CONVEXHULL] = 1  # 64 vertices a link, as it collides
+        self._options.flags[mujoco.mjtVisFlag.mjVIS_CONVEXHULL] = 1  # as it collides, of few vertices
         self._options.sitegroup[:] = 0
         for effect in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
             self._scene.flags[effect] = 0
