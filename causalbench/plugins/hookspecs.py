@@ -68,4 +68,4 @@ def causalbench_learners(register: Callable[[Learner], None]) -> None:
 
 @hookspec
 def causalbench_discoverers(register: Callable[[Discoverer], None]) -> None:
-    """Call `register(Discoverer(...))` once per method of causal discovery."""
+    """Call `register(Discoverer(...))` once per method of causal discovery; see docs/how-to/discoverer.md."""
