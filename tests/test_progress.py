@@ -12,13 +12,14 @@ from causalbench.cli.progress import LineView, QuietView, TableView, choose_view
 from causalbench.plugins.manager import load_plugins
 from causalbench.run.cell import Progress
 from causalbench.store.cells import RunFolder, Status
-from causalbench.suite.plan import Cell, make_plan
+from causalbench.suite.cells import Cell
+from causalbench.suite.plan import make_plan
 from causalbench.suite.schema import load_suite
 
 
 @pytest.fixture
 def cells(tiny_suite: Path) -> tuple[Cell, ...]:
-    return make_plan(load_suite(tiny_suite), "smoke", load_plugins()).cells
+    return make_plan(load_suite(tiny_suite, load_plugins()), "smoke", load_plugins()).cells
 
 
 def console(terminal: bool) -> Console:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Iterable
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -16,16 +15,8 @@ from causalbench.errors import UserError
 EXIT_FAILED, EXIT_MISTAKE, EXIT_INTERRUPTED = 1, 2, 130
 
 
-class TierOption(StrEnum):
-    """How much to run."""
-
-    smoke = "smoke"
-    quick = "quick"
-    full = "full"
-
-
 SuiteArgument = Annotated[Path, typer.Argument(help="Suite file, such as suites/pure_manip.yaml.")]
-Tier = Annotated[TierOption, typer.Option(help="smoke: a minute; quick: one seed; full: the published table.")]
+Tier = Annotated[str, typer.Option(help="How much to run: one of the suite's tiers.")]
 Seeds = Annotated[int | None, typer.Option(min=1, help="Run seeds 0 to N-1 instead of the tier's number.")]
 Only = Annotated[list[str] | None, typer.Option(help="Keep some cells: backend=A,method=B,seed=0 (repeatable).")]
 Out = Annotated[Path | None, typer.Option(help="Run folder (default: runs/<suite>-<tier>).")]

@@ -14,7 +14,7 @@ from rich.table import Table
 from causalbench.run.cell import Progress
 from causalbench.run.view import View
 from causalbench.store.cells import RunFolder, Status
-from causalbench.suite.plan import Cell, DiscoveryCell
+from causalbench.suite.cells import Cell, DiscoveryCell
 
 COLOURS = {
     "done": "green",

@@ -19,7 +19,6 @@ from causalbench.cli.options import (
     Seeds,
     SuiteArgument,
     Tier,
-    TierOption,
     cores,
     print_json,
 )
@@ -40,7 +39,7 @@ class ExecutorOption(StrEnum):
 
 def run(
     suite: SuiteArgument,
-    tier: Tier = TierOption.quick,
+    tier: Tier = "quick",
     seeds: Seeds = None,
     only: Only = None,
     out: Out = None,
@@ -87,7 +86,7 @@ def run(
 
 def plan(
     suite: SuiteArgument,
-    tier: Tier = TierOption.quick,
+    tier: Tier = "quick",
     seeds: Seeds = None,
     only: Only = None,
     out: Out = None,
@@ -96,7 +95,7 @@ def plan(
 ) -> None:
     """Show what `run` would do, with times estimated from cells that have run."""
     from causalbench.cli.terminal_tables import print_plan
-    from causalbench.run.session import estimate_seconds
+    from causalbench.run.session import estimate_seconds, status_in
 
     chosen, folder, _ = _plan(suite, tier, seeds, only, out)
     estimates = estimate_seconds(chosen, folder)
@@ -104,7 +103,7 @@ def plan(
         {
             "cell": cell.id,
             "kind": cell.identity["kind"],
-            "state": folder.status(cell).state,
+            "state": status_in(chosen, folder, cell).state,
             "seconds": estimates[cell.id],
         }
         for cell in chosen.cells
@@ -116,16 +115,16 @@ def plan(
 
 
 def _plan(
-    suite: Path, tier: TierOption, seeds: int | None, only: list[str] | None, out: Path | None
+    suite: Path, tier: str, seeds: int | None, only: list[str] | None, out: Path | None
 ) -> tuple[Plan, RunFolder, SuiteFile]:
     from causalbench.plugins.manager import installed
     from causalbench.store.cells import RunFolder
     from causalbench.suite.plan import make_plan
     from causalbench.suite.schema import load_suite
 
-    file = load_suite(suite)
-    plan = make_plan(file, tier.value, installed(), seeds, only or ())
-    return plan, RunFolder(out or Path("runs") / f"{file.suite.name}-{tier.value}"), file
+    file = load_suite(suite, installed())
+    plan = make_plan(file, tier, installed(), seeds, only or ())
+    return plan, RunFolder(out or Path("runs") / f"{file.suite.name}-{tier}"), file
 
 
 def _execute(plan: Plan, folder: RunFolder, file: SuiteFile, execution: Execution, quiet: bool) -> None:

@@ -21,7 +21,7 @@ from causalbench.run.tensorboard import Board
 from causalbench.store.cells import CHECKPOINT, DATA, LOG, RunFolder, State, Status
 from causalbench.store.records import write_counts, write_progress
 from causalbench.store.samples import SampleFolder
-from causalbench.suite.plan import BackendIdentity, Cell, DiscoveryCell, LearnerCell
+from causalbench.suite.cells import BackendIdentity, Cell, DiscoveryCell, LearnerCell
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from multiprocessing.connection import Connection
 from causalbench.processes import Child, preload, start
 from causalbench.run.cell import Keeping, Progress, run_cell
 from causalbench.store.cells import LOG, RunFolder, Status
-from causalbench.suite.plan import Cell, DiscoveryCell
+from causalbench.suite.cells import Cell, DiscoveryCell
 
 Outcomes = Iterator[tuple[Cell, Status]]
 OnCellProgress = Callable[[Cell, Progress], None]

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +17,7 @@ from causalbench.core.staged.env import StageTaskEnv
 from causalbench.errors import UserError
 from causalbench.plugins.manager import installed, scene_maker
 from causalbench.store.cells import RunFolder, StoredCell
-from causalbench.suite.plan import Selection
+from causalbench.suite.selection import Selection
 
 WIDTH, HEIGHT = 640, 480  # pixels; both are multiples of 16, as the codec wants them
 CAPTION = 24  # pixels
@@ -34,21 +33,12 @@ def play(run: RunFolder, only: Sequence[str], episodes: int) -> Iterator[Path]:
     nothing to film or nothing to film it with.
     """
     selection = Selection.parse(only)
-    cells = [cell for cell in run.cells() if (cell.folder / "policy").exists() and _kept(cell.identity, selection)]
+    cells = [cell for cell in run.cells() if (cell.folder / "policy").exists() and selection.keeps(cell.identity)]
     if not cells:
         raise UserError(f"{run.path}: no finished policy here, or none that --only keeps")
     (run.path / "videos").mkdir(exist_ok=True)
     for cell in cells:
         yield _film(cell, run.path / "videos" / f"{cell.id}.mp4", episodes)
-
-
-def _kept(identity: Mapping[str, Any], selection: Selection) -> bool:
-    found = (
-        (selection.backend, identity["backend"]["name"]),
-        (selection.method, identity["method"]["name"]),
-        (selection.seed, identity["seed"]),
-    )
-    return all(not wanted or value in wanted for wanted, value in found)
 
 
 def _film(cell: StoredCell, path: Path, episodes: int) -> Path:

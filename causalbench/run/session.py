@@ -20,8 +20,9 @@ from causalbench.plugins.manager import Plugins
 from causalbench.run.cell import Keeping
 from causalbench.run.executors import Outcomes, processes, serial
 from causalbench.run.view import View
-from causalbench.store.cells import ENVIRONMENT, SCHEMA, RunFolder, State, check_comparable
-from causalbench.suite.plan import Cell, LearnerCell, Plan
+from causalbench.store.cells import ENVIRONMENT, SCHEMA, RunFolder, State, Status, check_comparable
+from causalbench.suite.cells import Cell, LearnerCell
+from causalbench.suite.plan import Plan
 from causalbench.suite.schema import SuiteFile
 
 FINAL: frozenset[State] = frozenset({"done", "diverged", "timeout"})
@@ -61,6 +62,7 @@ def run_plan(
         new = [(f"this plan ({cell.id})", cell.identity) for cell in plan.cells]
         check_comparable([*((str(cell.folder), cell.identity) for cell in run.cells()), *new])
         write_text(run.path / "suite.yaml", file.source.text)
+        _skip(plan, run)
         cells = to_do(plan, run, execution.retry)
         if cells:
             _record_environment(run, plugins, sorted({cell.backend.name for cell in plan.cells}))
@@ -75,9 +77,26 @@ def run_plan(
 
 
 def to_do(plan: Plan, run: RunFolder, retry: bool) -> list[Cell]:
-    """The cells that are missing or failed; with `retry` also the diverged and timed-out ones."""
+    """The cells that are missing or failed and can be run; with `retry` also the diverged and timed-out ones."""
     keep = {"done"} if retry else FINAL
-    return [cell for cell in plan.cells if run.status(cell).state not in keep]
+    possible = (cell for cell in plan.cells if cell.id not in plan.impossible)
+    return [cell for cell in possible if run.status(cell).state not in keep]
+
+
+def status_in(plan: Plan, run: RunFolder, cell: Cell) -> Status:
+    """How a cell of `plan` stands in `run`; skipped, too, before a run has said so."""
+    status = run.status(cell)
+    if status.state != "done" and cell.id in plan.impossible:
+        return Status("skipped", plan.impossible[cell.id])
+    return status
+
+
+def _skip(plan: Plan, run: RunFolder) -> None:
+    """Write down which cells cannot be run, and why."""
+    for cell in plan.cells:
+        status = status_in(plan, run, cell)
+        if status != run.status(cell):
+            run.finish(cell, status)
 
 
 def estimate_seconds(plan: Plan, run: RunFolder) -> dict[str, float | None]:

@@ -7,7 +7,7 @@ from typing import Protocol
 
 from causalbench.run.cell import Progress
 from causalbench.store.cells import RunFolder, Status
-from causalbench.suite.plan import Cell
+from causalbench.suite.cells import Cell
 
 
 class View(Protocol):

@@ -1,144 +1,39 @@
-"""The cells that a suite asks for. A cell is what determines a result, and its id is a hash of just that."""
+"""The plan: the cells that a suite asks for."""
 
 from __future__ import annotations
 
-import dataclasses
-import hashlib
 import importlib.metadata
-import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
-from typing import Any, ClassVar
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
 
 from causalbench._version import __version__
-from causalbench.core.discovery.settings import DiscoverySettings
 from causalbench.core.learners.methods import Method
-from causalbench.core.learners.settings import EvaluationSettings
 from causalbench.core.tasks.task import Task
 from causalbench.errors import SuiteError, UnknownNameError, UserError
 from causalbench.plugins.hookspecs import Backend
 from causalbench.plugins.manager import Plugins, scene_maker
+from causalbench.suite.cells import BackendIdentity, Cell, DiscoveryCell, LearnerCell, TaskIdentity
+from causalbench.suite.grid import Combination, combinations, layer_of
 from causalbench.suite.positions import Location
-from causalbench.suite.schema import EVALUATION, LEARNER, DiscoveryPatch, PerBackend, PerMethod, Suite, SuiteFile, Tier
+from causalbench.suite.schema import DiscoveryLayer, PerBackend, PerMethod, SuiteFile
+from causalbench.suite.sections import Patch
+from causalbench.suite.selection import Selection, choose
 
-OWN_GRAPH_TIER = "full"
-"""In this tier each seed discovers its own graph, since a shared one makes seeds dependent; else seed 0's is shared."""
-
-
-@dataclass(frozen=True)
-class TaskIdentity:
-    """A task as it enters a cell."""
-
-    name: str
-    version: int
-    constants: Mapping[str, float]
-
-
-@dataclass(frozen=True)
-class BackendIdentity:
-    """A backend as it enters a cell: its plugin's version and those of the modules it imports."""
-
-    name: str
-    version: str
-    modules: Mapping[str, str]
-    options: Mapping[str, str | int | float | bool]
-
-
-@dataclass(frozen=True)
-class DiscoveryCell:
-    """One causal discovery."""
-
-    code: str  # causalbench's version
-    task: TaskIdentity
-    backend: BackendIdentity
-    seed: int
-    settings: DiscoverySettings
-
-    cores: ClassVar[int] = 2  # processes that collect samples; no part of the result, nor of the id
-
-    @cached_property
-    def identity(self) -> dict[str, Any]:
-        """All that the id is made of, as JSON data."""
-        return _plain({"kind": "discovery"} | dataclasses.asdict(self))
-
-    @cached_property
-    def id(self) -> str:
-        """A slug to read and the start of a SHA-256."""
-        return f"{self.task.name}-{self.backend.name}-s{self.seed}-{content_hash(self.identity)}"
-
-
-@dataclass(frozen=True)
-class LearnerCell:
-    """One training run. `discovery` is the cell whose graph it learns with, None if its method needs none."""
-
-    code: str
-    task: TaskIdentity
-    backend: BackendIdentity
-    method: Method
-    seed: int
-    env_steps: int
-    learner: Any  # the record of the method's learner
-    evaluation: EvaluationSettings
-    discovery: DiscoveryCell | None
-
-    cores: ClassVar[int] = 1
-
-    @cached_property
-    def identity(self) -> dict[str, Any]:
-        """All that the id is made of, as JSON data; a discovery cell enters as its id."""
-        own = dataclasses.asdict(dataclasses.replace(self, discovery=None))
-        return _plain({"kind": "learner"} | own | {"discovery": self.discovery.id if self.discovery else None})
-
-    @cached_property
-    def id(self) -> str:
-        """A slug to read and the start of a SHA-256."""
-        slug = f"{self.task.name}-{self.backend.name}-{self.method.name}-s{self.seed}"
-        return f"{slug}-{content_hash(self.identity)}"
-
-
-Cell = DiscoveryCell | LearnerCell
-
-
-def _plain(content: Mapping[str, Any]) -> dict[str, Any]:
-    """What a reader of the content's JSON gets, so that it equals an identity from disk (a tuple is a list)."""
-    data: dict[str, Any] = json.loads(json.dumps(content))
-    return data
-
-
-def content_hash(content: Mapping[str, Any]) -> str:
-    """First 10 hex digits of the SHA-256 of canonical JSON; the order of keys does not matter."""
-    text = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
-    return hashlib.sha256(text.encode()).hexdigest()[:10]
-
-
-@dataclass(frozen=True)
-class Selection:
-    """What `--only` keeps; an empty set keeps everything."""
-
-    backend: frozenset[str] = frozenset()
-    method: frozenset[str] = frozenset()
-    seed: frozenset[int] = frozenset()
-
-    @classmethod
-    def parse(cls, options: Iterable[str]) -> Selection:
-        """From texts such as "backend=A,method=B,seed=0". Raises `UserError`."""
-        found: dict[str, set[Any]] = {field.name: set() for field in dataclasses.fields(cls)}
-        for part in (part.strip() for option in options for part in option.split(",")):
-            key, equals, value = part.partition("=")
-            if not equals or key not in found:
-                raise UserError(f"--only {part!r}: expected backend=NAME, method=NAME or seed=NUMBER")
-            if key == "seed" and not value.isdecimal():
-                raise UserError(f"--only {part!r}: a seed is a number from 0")
-            found[key].add(int(value) if key == "seed" else value)
-        return cls(**{key: frozenset(values) for key, values in found.items()})
+MAX_CELLS = 100_000
 
 
 @dataclass(frozen=True)
 class Plan:
-    """The cells of one tier, each once; a discovery cell comes before the learner cells that need it."""
+    """The cells of one tier, each once; a discovery cell comes before the learner cells that need it.
+
+    `impossible` says of a cell's id, in a sentence, why its backend cannot run the task: the cell will be skipped.
+    """
 
     cells: tuple[Cell, ...]
+    impossible: Mapping[str, str] = field(default_factory=dict)
 
 
 def make_plan(
@@ -148,105 +43,140 @@ def make_plan(
 
     Raises `SuiteError` or another `UserError` when a name that is selected does not exist or cannot be loaded.
     """
-    suite = file.suite
+    suite, selection = file.suite, Selection.parse(only)
     if tier_name not in suite.tiers:
         raise UnknownNameError("tier", tier_name, suite.tiers)
-    tier = next(tier for name, tier in suite.tiers.items() if name == tier_name)
-    selection = Selection.parse(only)
-    chosen_seeds = _choose("seed", range(seeds or tier.seeds), selection.seed)
-    backends = _choose("backend", suite.backends, selection.backend)
-    methods = _choose("method", suite.methods, selection.method)
-    _check_learners(file, plugins)
-    task = _named(file, ("task",), lambda: plugins.task(suite.task))
-    identity = TaskIdentity(task.name, task.version, dict(task.constants))
+    planner = _Planner(file, tier_name, plugins)
+    chosen_seeds = choose("seed", range(seeds or planner.tier.seeds), selection.seed)
+    backends = choose("backend", suite.backends, selection.backend)
+    methods = [planner.method(name) for name in choose("method", suite.methods, selection.method)]
+    planner.check_number(len(backends) * max(1, len(methods)) * len(chosen_seeds))
     cells: dict[str, Cell] = {}
-    for backend_name in backends:
-        location = ("backends", suite.backends.index(backend_name))
-        found = _named(file, location, lambda: _capable_backend(plugins, backend_name, task))  # noqa: B023
-        backend = _identify(found, plugins, file)
-        _check_discoverer(file, tier, tier_name, backend_name, plugins)
-        for method_name in methods:
-            location = ("methods", suite.methods.index(method_name))
-            method = _named(file, location, lambda: plugins.method(method_name))  # noqa: B023
-            if method.learner not in LEARNER.learners:
-                raise file.source.mistake(
-                    location, f"its learner {method.learner!r} is none of {', '.join(LEARNER.learners)}"
-                )
-            for seed in chosen_seeds:
-                cell = _learner_cell(file, plugins, tier, tier_name, identity, backend, method, seed)
-                if cell.discovery:
-                    cells[cell.discovery.id] = cell.discovery
-                cells[cell.id] = cell
-    return Plan(tuple(sorted(cells.values(), key=lambda cell: isinstance(cell, LearnerCell))))
+    impossible: dict[str, str] = {}
+    for name in backends:
+        backend, reason = planner.backend(name)
+        for cell in planner.cells(backend, methods, chosen_seeds):
+            cells[cell.id] = cell
+            if reason:
+                impossible[cell.id] = reason
+    return Plan(tuple(sorted(cells.values(), key=lambda cell: isinstance(cell, LearnerCell))), impossible)
 
 
-def _choose(kind: str, available: Sequence[Any], wanted: frozenset[Any]) -> list[Any]:
-    for name in sorted(wanted):
-        if name not in available:
-            raise UnknownNameError(f"{kind} in --only", str(name), map(str, available))
-    return [item for item in available if not wanted or item in wanted]
+class _Planner:
+    """What the cells of one tier have in common."""
+
+    def __init__(self, file: SuiteFile, tier_name: str, plugins: Plugins) -> None:
+        self.file, self.suite, self.plugins = file, file.suite, plugins
+        self.tier_name = tier_name
+        self.tier = next(tier for name, tier in file.suite.tiers.items() if name == tier_name)
+        self.task: Task = self._named(("task",), partial(plugins.task, file.suite.task))
+        self.task_identity = TaskIdentity(self.task.name, self.task.version, dict(self.task.constants))
+
+    def check_number(self, of_each_combination: int) -> None:
+        """Refuse a plan that nobody can run. Raises `SuiteError`."""
+        grid = self.suite.grid_in(self.tier)
+        number = of_each_combination * math.prod(map(len, grid.values()))
+        if number > MAX_CELLS:
+            raise self.file.source.mistake(("grid",) if grid else (), f"{number} cells; the most is {MAX_CELLS}")
+
+    def method(self, name: str) -> Method:
+        """The method `name`, whose learner has all that it needs."""
+        method = self.plugins.methods[name]
+        self._named(("methods", self.suite.methods.index(name)), partial(self.plugins.learner, method.learner))
+        return method
+
+    def backend(self, name: str) -> tuple[BackendIdentity, str]:
+        """The backend `name` as it enters a cell, and why it cannot run the task, "" if it can."""
+        location = ("backends", self.suite.backends.index(name))
+        found: Backend = self._named(location, partial(self.plugins.backend, name))
+        options = self.suite.per_backend.get(name, PerBackend()).options
+        version = self.plugins.owners[name].version
+        identity = BackendIdentity(name, version, module_versions(found.modules), options)
+        try:
+            scene_maker(found, self.task)
+        except UserError as error:
+            return identity, str(error)
+        return identity, ""
+
+    def cells(self, backend: BackendIdentity, methods: Sequence[Method], seeds: Sequence[int]) -> Iterator[Cell]:
+        """All cells on one backend; some more than once."""
+        for combination in combinations(self.suite.grid_in(self.tier)):
+            if not self.suite.methods:
+                yield from (self._discovery(backend, seed, combination) for seed in seeds)
+            for method in methods:
+                for seed in seeds:
+                    cell = self._learner(backend, method, seed, combination)
+                    if cell.discovery:
+                        yield cell.discovery
+                    yield cell
+
+    def _discovery(self, backend: BackendIdentity, seed: int, combination: Combination) -> DiscoveryCell:
+        """The discovery whose graph `seed` uses."""
+        section, of_backend = self.file.sections.discovery, self._of_backend(backend.name)
+        layers: list[DiscoveryLayer] = [self.suite, of_backend, self.tier]
+        patches = [*(layer.discovery for layer in layers), layer_of(combination)["discovery"]]
+        location = self._discoverer_location(backend.name, combination)
+        settings = self._named(location, partial(section.resolve, patches))
+        self._named(location, partial(self.plugins.discoverer, settings.discoverer))
+        variant = _reaching(combination, "discovery", partial(section.reaches, subject=settings.discoverer))
+        own = self.suite.graphs_in(self.tier) == "per_seed"
+        return DiscoveryCell(__version__, self.task_identity, backend, seed if own else 0, settings, variant)
+
+    def _learner(self, backend: BackendIdentity, method: Method, seed: int, combination: Combination) -> LearnerCell:
+        sections, patches = self.file.sections, self._learner_patches(backend.name, method.name, combination)
+        discovery = self._discovery(backend, seed, combination) if method.matrix == "discovered" else None
+        variant = _reaching(combination, "learner", partial(sections.learner.reaches, subject=method.learner))
+        variant |= _reaching(combination, "evaluation", lambda key: True)
+        return LearnerCell(
+            code=__version__,
+            task=self.task_identity,
+            backend=backend,
+            method=method,
+            seed=seed,
+            env_steps=self.tier.env_steps or 0,
+            learner=self._named(("learner",), partial(sections.learner.resolve, method.learner, patches["learner"])),
+            evaluation=sections.evaluation.resolve(patches["evaluation"]),
+            discovery=discovery,
+            variant={**variant, **(discovery.variant if discovery else {})},
+        )
+
+    def _learner_patches(self, backend: str, method: str, combination: Combination) -> dict[str, list[Patch]]:
+        """Section -> its patches, the last one winning."""
+        layers = [self.suite, self._of_backend(backend), self.suite.per_method.get(method, PerMethod()), self.tier]
+        last = layer_of(combination)
+        return {name: [*(getattr(layer, name) for layer in layers), last[name]] for name in ("learner", "evaluation")}
+
+    def _of_backend(self, name: str) -> PerBackend:
+        return self.suite.per_backend.get(name, PerBackend())
+
+    def _discoverer_location(self, backend: str, combination: Combination) -> Location:
+        """Where the discoverer of a backend is named."""
+        if "discovery.discoverer" in combination:
+            return ("grid", "discovery.discoverer")
+        layers: list[tuple[Location, DiscoveryLayer]] = [
+            (("tiers", self.tier_name), self.tier),
+            (("per_backend", backend), self._of_backend(backend)),
+            ((), self.suite),
+        ]
+        named = (place for place, layer in layers if "discoverer" in layer.discovery)
+        return (*next(named, ()), "discovery", "discoverer")
+
+    def _named(self, location: Location, look_up: Callable[[], Any]) -> Any:
+        """What `look_up` finds; its error names the place in the file."""
+        try:
+            return look_up()
+        except SuiteError:
+            raise
+        except (UserError, ValueError) as error:  # ValueError: the check of a stranger's settings
+            raise self.file.source.mistake(location, str(error)) from error
 
 
-def _named(file: SuiteFile, location: Location, look_up: Callable[[], Any]) -> Any:
-    try:
-        return look_up()
-    except SuiteError:
-        raise
-    except UserError as error:
-        raise file.source.mistake(location, str(error)) from error
-
-
-def _check_discoverer(file: SuiteFile, tier: Tier, tier_name: str, backend: str, plugins: Plugins) -> None:
-    """Refuse a discoverer that does not exist or lacks a library, at the line that names it."""
-    of_backend = file.suite.per_backend.get(backend, PerBackend())
-    layers: list[tuple[Location, Mapping[str, Any]]] = [
-        (("tiers", tier_name), tier.discovery),
-        (("per_backend", backend), of_backend.discovery),
-        ((), file.suite.discovery),
-    ]
-    for location, patch in layers:
-        if "discoverer" in patch:
-            _named(file, (*location, "discovery", "discoverer"), lambda: plugins.discoverer(patch["discoverer"]))  # noqa: B023
-            return
-
-
-def _check_learners(file: SuiteFile, plugins: Plugins) -> None:
-    """Refuse a learner setting that none of the methods it stands for has: it would do nothing, without a word."""
-    suite = file.suite
-    learners = {name: plugins.methods[name].learner for name in suite.methods if name in plugins.methods}
-    names = list(learners)
-    layers: list[tuple[Location, Tier | PerBackend | PerMethod | Suite, Sequence[str]]] = [
-        ((), suite, names),
-        *((("tiers", name), tier, names) for name, tier in suite.tiers.items()),
-        *((("per_backend", name), layer, names) for name, layer in suite.per_backend.items()),
-        *(
-            (("per_method", name), layer, [name] if name in learners else [])
-            for name, layer in suite.per_method.items()
-        ),
-    ]
-    for location, layer, methods in layers:
-        reached = {learners[name] for name in methods}
-        for key in layer.learner:
-            owners = LEARNER.owners(key)
-            if reached and reached.isdisjoint(owners):
-                raise file.source.mistake(
-                    (*location, "learner", key),
-                    f"a setting of {' and '.join(owners)} methods, and {', '.join(methods)} "
-                    f"{'is' if len(methods) == 1 else 'are'} none; leave it out, or add such a method",
-                )
-
-
-def _capable_backend(plugins: Plugins, name: str, task: Task) -> Backend:
-    backend = plugins.backend(name)
-    scene_maker(backend, task)  # raises for a robot that does not drive where the task does
-    return backend
-
-
-def _identify(backend: Backend, plugins: Plugins, file: SuiteFile) -> BackendIdentity:
-    per_backend = file.suite.per_backend.get(backend.name, PerBackend())
-    return BackendIdentity(
-        backend.name, plugins.owners[backend.name].version, module_versions(backend.modules), per_backend.options
-    )
+def _reaching(combination: Combination, section: str, reaches: Callable[[str], bool]) -> dict[str, Any]:
+    """The settings of `combination` in `section` that do something."""
+    prefix = f"{section}."
+    return {
+        key: value for key, value in combination.items() if key.startswith(prefix) and reaches(key.removeprefix(prefix))
+    }
 
 
 def module_versions(modules: Iterable[str]) -> dict[str, str]:
@@ -256,27 +186,3 @@ def module_versions(modules: Iterable[str]) -> dict[str, str]:
     providers = importlib.metadata.packages_distributions()
     names = sorted({name for top in tops for name in providers.get(top, ())})
     return {name: importlib.metadata.version(name) for name in names}
-
-
-def _learner_cell(
-    file: SuiteFile, plugins: Plugins, tier: Tier, tier_name: str, task: TaskIdentity, backend: BackendIdentity,
-    method: Method, seed: int,
-) -> LearnerCell:  # fmt: skip
-    suite, code = file.suite, __version__
-    of_backend = suite.per_backend.get(backend.name, PerBackend())
-    layers = (suite, of_backend, suite.per_method.get(method.name, PerMethod()), tier)
-    discovery = None
-    if method.matrix == "discovered":
-        settings = DiscoveryPatch(plugins.discoverers).resolve([suite.discovery, of_backend.discovery, tier.discovery])
-        discovery = DiscoveryCell(code, task, backend, seed if tier_name == OWN_GRAPH_TIER else 0, settings)
-    return LearnerCell(
-        code,
-        task,
-        backend,
-        method,
-        seed,
-        tier.env_steps,
-        LEARNER.resolve(method.learner, [layer.learner for layer in layers]),
-        EVALUATION.resolve([layer.evaluation for layer in layers]),
-        discovery,
-    )

@@ -1,7 +1,12 @@
-"""YAML with line numbers, so that a mistake can be pointed at."""
+"""YAML with line numbers, so that a mistake can be pointed at; a small and safe part of the language.
+
+Values are those of JSON, written as people write them (`1_000`, `1e-3`); no aliases, tags, merge keys or dates.
+"""
 
 from __future__ import annotations
 
+import re
+import stat
 from pathlib import Path
 from typing import Any
 
@@ -12,23 +17,51 @@ from causalbench.errors import SuiteError
 Location = tuple[int | str, ...]
 """Keys and list indices from the top of the file to a value."""
 
+MAX_BYTES = 1_000_000
+
+
+class _Loader(yaml.SafeLoader):
+    """Reads no aliases (a few lines of them can stand for billions of values) and no tags."""
+
+    yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012 - PyYAML's name, and its type
+
+    def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
+        """Refuse what is not plain data. Raises `ComposerError` with its position."""
+        event: Any = self.peek_event()  # type: ignore[no-untyped-call]
+        refused = "aliases are not read, write the value" if isinstance(event, yaml.AliasEvent) else ""
+        if getattr(event, "tag", None):
+            refused = "tags are not read, leave it out"
+        if refused:
+            raise yaml.composer.ComposerError(None, None, refused, event.start_mark)
+        return super().compose_node(parent, index)
+
+
+for _tag, _pattern, _first in (
+    ("null", r"~|null|", ["~", "n", ""]),
+    ("bool", r"true|false", ["t", "f"]),
+    ("int", r"[-+]?(0|[1-9][0-9_]*)", list("-+0123456789")),
+    ("float", r"[-+]?((0|[1-9][0-9_]*)(\.[0-9]*)?|\.[0-9]+)([eE][-+]?[0-9]+)?", list("-+.0123456789")),
+):
+    _Loader.add_implicit_resolver(f"tag:yaml.org,2002:{_tag}", re.compile(f"^(?:{_pattern})$"), _first)
+
 
 class PositionedYaml:
-    """The data of a YAML file and the line of each key in it. Raises `SuiteError` for what is not YAML."""
+    """The data of a YAML file and the line of each key in it. Raises `SuiteError` for what is not such a file."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        self.text = _read(path)
         try:
-            self.text = path.read_text(encoding="utf-8")
-            self._root = yaml.compose(self.text, Loader=yaml.SafeLoader)
-            self.data: Any = yaml.safe_load(self.text)
-        except (OSError, UnicodeDecodeError) as error:
-            raise SuiteError(
-                f"{path}: cannot be read ({error}); expected a suite file such as suites/pure_manip.yaml"
-            ) from error
+            loader = _Loader(self.text)
+            self._root = loader.get_single_node()
+            self.data: Any = None if self._root is None else loader.construct_document(self._root)
         except yaml.MarkedYAMLError as error:
             line = error.problem_mark.line + 1 if error.problem_mark else 1
             raise SuiteError(f"{path}:{line}: not valid YAML: {error.problem}") from error
+        except (yaml.YAMLError, ValueError) as error:  # ValueError: a number of thousands of digits
+            raise SuiteError(f"{path}: not valid YAML: {error}") from error
+        except RecursionError:
+            raise SuiteError(f"{path}: nested too deeply for a suite") from None
         self._refuse_duplicates(self._root, ())
 
     def mistake(self, location: Location, message: str) -> SuiteError:
@@ -64,3 +97,18 @@ class PositionedYaml:
         elif isinstance(node, yaml.SequenceNode):
             for index, value in enumerate(node.value):
                 self._refuse_duplicates(value, (*location, index))
+
+
+def _read(path: Path) -> str:
+    """The text of a regular file of moderate size. Raises `SuiteError`."""
+    try:
+        found = path.stat()
+        if not stat.S_ISREG(found.st_mode):
+            raise SuiteError(f"{path}: not a regular file; expected a suite file such as suites/pure_manip.yaml")
+        if found.st_size > MAX_BYTES:
+            raise SuiteError(f"{path}: {found.st_size} bytes, and a suite file has at most {MAX_BYTES}")
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise SuiteError(
+            f"{path}: cannot be read ({error}); expected a suite file such as suites/pure_manip.yaml"
+        ) from error

@@ -22,7 +22,8 @@ import pytest
 from causalbench.plugins.manager import installed
 from causalbench.run.cell import Keeping, run_cell
 from causalbench.store.cells import RunFolder
-from causalbench.suite.plan import LearnerCell, make_plan
+from causalbench.suite.cells import LearnerCell
+from causalbench.suite.plan import make_plan
 from causalbench.suite.schema import load_suite
 
 RESULT_FILES = ("results.csv", "curves.csv", "returns.csv", "stages.csv", "discovery.csv", "leaderboard.csv")
@@ -301,7 +302,7 @@ def test_a_graph_that_does_not_fit_ends_the_cell_with_a_sentence(
 ) -> None:
     run = RunFolder(tmp_path / "run")
     shutil.copytree(finished_run, run.path)
-    plan = make_plan(load_suite(tiny_suite), "smoke", installed())
+    plan = make_plan(load_suite(tiny_suite, installed()), "smoke", installed())
     cell = next(cell for cell in plan.cells if isinstance(cell, LearnerCell) and cell.method.name == "cmSAC")
     path = run.folder(cell.discovery) / "graph.json"
     path.write_text(edit(path.read_text()))

@@ -14,7 +14,8 @@ from causalbench.run.cell import Keeping, run_cell
 from causalbench.run.tensorboard import summary_writer
 from causalbench.store.cells import RunFolder
 from causalbench.store.records import read_progress
-from causalbench.suite.plan import LearnerCell, make_plan
+from causalbench.suite.cells import LearnerCell
+from causalbench.suite.plan import make_plan
 from causalbench.suite.schema import load_suite
 
 
@@ -32,7 +33,7 @@ def test_the_curves_are_those_of_progress_csv(finished_run: Path, tiny_suite: Pa
 
     run = RunFolder(tmp_path / "run")
     shutil.copytree(finished_run, run.path)
-    plan = make_plan(load_suite(tiny_suite), "smoke", installed())
+    plan = make_plan(load_suite(tiny_suite, installed()), "smoke", installed())
     cell = next(cell for cell in plan.cells if isinstance(cell, LearnerCell) and cell.method.name == "mSAC")
     folder = run.start(cell)
     assert run_cell(cell, run, lambda progress: None, Keeping(tensorboard=True)).state == "done"

@@ -5,12 +5,14 @@ from __future__ import annotations
 import dataclasses
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from causalbench.errors import SuiteError, UnknownNameError, UserError
 from causalbench.plugins.manager import Plugins, load_plugins
-from causalbench.suite.plan import DiscoveryCell, LearnerCell, Plan, content_hash, make_plan
+from causalbench.suite.cells import Cell, DiscoveryCell, LearnerCell, content_hash
+from causalbench.suite.plan import Plan, make_plan
 from causalbench.suite.schema import load_suite
 
 SUITE = """\
@@ -21,7 +23,7 @@ backends: [kinematic]
 methods: [cmSAC, cmmSAC, mSAC]
 tiers:
   quick: {seeds: 2, env_steps: 1000}
-  full: {seeds: 3, env_steps: 1000}
+  full: {seeds: 3, env_steps: 1000, graphs: per_seed}
 learner: {gamma: 0.9, tau: 0.01}
 """
 
@@ -34,14 +36,14 @@ def plugins() -> Plugins:
 def plan(folder: Path, plugins: Plugins, text: str = SUITE, tier: str = "quick", **options) -> Plan:
     path = folder / "demo.yaml"
     path.write_text(text)
-    return make_plan(load_suite(path), tier, plugins, **options)
+    return make_plan(load_suite(path, plugins), tier, plugins, **options)
 
 
 def ids(plan: Plan) -> set[str]:
     return {cell.id for cell in plan.cells}
 
 
-def test_quick_shares_one_discovery_and_full_gives_each_seed_its_own(tmp_path: Path, plugins: Plugins) -> None:
+def test_seeds_share_one_graph_or_have_their_own(tmp_path: Path, plugins: Plugins) -> None:
     quick, full = plan(tmp_path, plugins), plan(tmp_path, plugins, tier="full")
     assert [cell.seed for cell in quick.cells if isinstance(cell, DiscoveryCell)] == [0]
     assert [cell.seed for cell in full.cells if isinstance(cell, DiscoveryCell)] == [0, 1, 2]
@@ -93,13 +95,6 @@ def test_everything_that_determines_a_result_is_in_the_id(tmp_path: Path, plugin
     assert dataclasses.replace(cell, **{field: other[field]}).id != cell.id
 
 
-def test_a_method_whose_learner_does_not_exist_is_named(tmp_path: Path, plugins: Plugins) -> None:
-    strange = dataclasses.replace(plugins.method("mSAC"), name="mTD3", learner="TD3")
-    with_it = dataclasses.replace(plugins, methods=plugins.methods | {"mTD3": strange})
-    with pytest.raises(SuiteError, match=r"demo.yaml:5: methods.2: its learner 'TD3' is none of SAC, PPO, SB3"):
-        plan(tmp_path, with_it, SUITE.replace(", mSAC]", ", mTD3]"))
-
-
 def test_overrides_apply_from_suite_to_backend_to_method_to_tier(tmp_path: Path, plugins: Plugins) -> None:
     text = SUITE.replace("env_steps: 1000}\n  full", "env_steps: 1000, learner: {tau: 0.4}}\n  full") + (
         "per_backend:\n  kinematic: {learner: {gamma: 0.2, tau: 0.2, batch_size: 32}, evaluation: {every: 7}}\n"
@@ -118,22 +113,6 @@ def test_overrides_apply_from_suite_to_backend_to_method_to_tier(tmp_path: Path,
             "[kinematic]",
             "[kinematik]",
             "demo.yaml:4: backends.0: unknown backend 'kinematik'. Did you mean 'kinematic'?",
-        ),
-        ("cmmSAC", "cmmSACK", "demo.yaml:5: methods.1: unknown method 'cmmSACK'. Did you mean 'cmmSAC'?"),
-        (
-            "learner: {gamma",
-            "discovery: {discoverer: klm}\nlearner: {gamma",
-            "demo.yaml:9: discovery.discoverer: unknown discoverer 'klm'. Did you mean 'kl'?",
-        ),
-        (
-            "tau: 0.01}",
-            "tau: 0.01,\n  clip_range: 0.1}",
-            "demo.yaml:10: learner.clip_range: a setting of PPO and SB3-PPO methods, and cmSAC, cmmSAC, mSAC are none",
-        ),
-        (
-            "tau: 0.01}",
-            "tau: 0.01}\nper_method:\n  mSAC: {learner: {PPO: {gamma: 0.5}}}",
-            "demo.yaml:11: per_method.mSAC.learner.PPO: a setting of PPO methods, and mSAC is none",
         ),
         ("task: pure_m", "task: pur_m", "demo.yaml:3: task: unknown task 'pur_manipulation'. Did you mean"),
     ],
@@ -164,3 +143,117 @@ def test_a_wrong_selection_says_what_there_is(tmp_path: Path, plugins: Plugins, 
 def test_a_tier_that_the_suite_lacks(tmp_path: Path, plugins: Plugins) -> None:
     with pytest.raises(UnknownNameError, match=r"unknown tier 'smoke'\. Known: full, quick\."):
         plan(tmp_path, plugins, tier="smoke")
+
+
+def test_a_tier_may_have_any_name_and_say_itself_whether_seeds_share_a_graph(tmp_path: Path, plugins: Plugins) -> None:
+    text = SUITE.replace("  full:", "  medium:").replace("name: demo", "name: demo\ngraphs: per_seed")
+    text = text.replace("quick: {", "quick: {graphs: shared, ")
+    seeds = {
+        tier: [c.seed for c in plan(tmp_path, plugins, text, tier).cells if isinstance(c, DiscoveryCell)]
+        for tier in ("quick", "medium")
+    }
+    assert seeds == {"quick": [0], "medium": [0, 1, 2]}
+
+
+GRID = """\
+grid:
+  learner.learning_rate: [1e-3, 3e-4]
+  learner.PPO.n_epochs: [2, 4]
+  discovery.training_count: [100, 200]
+"""
+
+
+def variants(cells: list[Cell]) -> list[tuple[Any, ...]]:
+    return [tuple(cell.variant.values()) for cell in cells]
+
+
+def test_a_grid_runs_every_combination_of_what_reaches_a_cell(tmp_path: Path, plugins: Plugins) -> None:
+    found = plan(tmp_path, plugins, SUITE.replace("mSAC]", "mSAC, mPPO]") + GRID, seeds=1).cells
+    assert len(ids(Plan(found))) == len(found)
+    by_method = {name: [c for c in found if isinstance(c, LearnerCell) and c.method.name == name] for name in (
+        "cmSAC", "cmmSAC", "mSAC", "mPPO",
+    )}  # fmt: skip
+    rates = [(0.001,), (0.0003,)]
+    assert variants(by_method["mSAC"]) == variants(by_method["cmmSAC"]) == rates
+    assert variants(by_method["mPPO"]) == [(r, n) for (r,) in rates for n in (2, 4)]
+    assert variants(by_method["cmSAC"]) == [(r, n) for (r,) in rates for n in (100, 200)]
+    assert variants([c for c in found if isinstance(c, DiscoveryCell)]) == [(100,), (200,)]
+    for cell in by_method["cmSAC"]:
+        rate, count = cell.variant.values()
+        assert (cell.learner.learning_rate, cell.discovery.settings.training_count) == (rate, count)
+        assert cell.identity["variant"] == {"learner.learning_rate": rate, "discovery.training_count": count}
+    assert [c.learner.n_epochs for c in by_method["mPPO"]] == [2, 4, 2, 4]
+
+
+def test_a_tier_may_have_a_grid_of_its_own(tmp_path: Path, plugins: Plugins) -> None:
+    text = SUITE.replace("quick: {", "quick: {grid: {}, ").replace("cmmSAC", "mPPO") + GRID
+    assert len(plan(tmp_path, plugins, text, seeds=1).cells) == 1 + 3
+    assert len(plan(tmp_path, plugins, text, "full", seeds=1).cells) == 2 + 4 + 2 + 4
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("learner.gama: [0.5]", "11: grid.learner.gama.0: unknown key. Did you mean 'gamma'?"),
+        ("learner.gamma: [0.5, 2]", "11: grid.learner.gamma.1: should be less than or equal to 1, got 2"),
+        ("learner.gamma: [0.5, 0.5]", "11: grid.learner.gamma.1: 0.5 is listed twice"),
+        ("learner.gamma: []", "11: grid.learner.gamma: Tuple should have at least 1 item"),
+        ("learner.gamma: 0.5", "11: grid.learner.gamma: should be a valid array"),
+        ("seeds: [1, 2]", "11: grid.seeds: expected learner.KEY, discovery.KEY, evaluation.KEY"),
+        ("learner.n_epochs: [1]", "11: grid.learner.n_epochs.0: a setting of PPO and SB3-PPO methods, and cmSAC"),
+        ("discovery.discoverer: [kl, pared]", "11: grid.discovery.discoverer.1: unknown discoverer 'pared'. Did you"),
+    ],
+)
+def test_a_mistake_in_the_grid_is_shown_where_it_stands(
+    tmp_path: Path, plugins: Plugins, line: str, message: str
+) -> None:
+    with pytest.raises(SuiteError) as caught:
+        plan(tmp_path, plugins, f"{SUITE}grid:\n  {line}\n")
+    assert str(caught.value).startswith(f"{tmp_path}/demo.yaml:{message}")
+
+
+def test_a_grid_of_too_many_cells_is_refused(tmp_path: Path, plugins: Plugins) -> None:
+    many = "\n".join(f"  learner.{key}: {[n + 1 for n in range(50)]}" for key in ("batch_size", "train_every"))
+    with pytest.raises(SuiteError, match=r"demo.yaml:10: grid: 150000 cells; the most is 100000"):
+        plan(tmp_path, plugins, f"{SUITE}grid:\n{many}\n", seeds=20)
+
+
+def test_a_suite_without_methods_asks_for_graphs(tmp_path: Path, plugins: Plugins) -> None:
+    text = SUITE.partition("learner:")[0].replace("[cmSAC, cmmSAC, mSAC]", "[]").replace(", env_steps: 1000", "")
+    text += "grid:\n  discovery.discoverer: [kl, paired]\n  discovery.kl.epsilon_cv: [1.0, 2.0]\n"
+    found = plan(tmp_path, plugins, text).cells
+    assert all(isinstance(cell, DiscoveryCell) for cell in found)
+    # `paired` has no epsilon_cv, so that its combinations are the same cells.
+    assert [(c.settings.discoverer, *list(c.variant.values())[1:], c.seed) for c in found] == [
+        ("kl", 1.0, 0), ("kl", 1.0, 1), ("kl", 2.0, 0), ("kl", 2.0, 1), ("paired", 0), ("paired", 1)
+    ]  # fmt: skip
+    shared = text.replace("name: demo", "name: demo\ngraphs: shared")
+    assert [cell.seed for cell in plan(tmp_path, plugins, shared).cells] == [0, 0, 0]
+    with pytest.raises(SuiteError, match=r"demo.yaml:9: learner.gamma: .* and this suite has none"):
+        plan(tmp_path, plugins, text.replace("grid:", "learner: {gamma: 0.5}\ngrid:"))
+
+
+def test_a_backend_that_cannot_run_the_task_is_skipped_with_its_reason(tmp_path: Path, plugins: Plugins) -> None:
+    standing = dataclasses.replace(plugins.backends["kinematic"], name="standing", mobile_capabilities=frozenset())
+    with_it = dataclasses.replace(
+        plugins,
+        backends=plugins.backends | {"standing": standing},
+        owners=plugins.owners | {"standing": plugins.owners["kinematic"]},
+    )
+    text = SUITE.replace("task: pure_manipulation", "task: mobile_manipulation")
+    found = plan(tmp_path, with_it, text.replace("[kinematic]", "[kinematic, standing]"))
+    reasons = {cell.backend.name: found.impossible.get(cell.id, "") for cell in found.cells}
+    assert reasons["kinematic"] == ""
+    assert reasons["standing"].startswith("backend 'standing' cannot run task 'mobile_manipulation'")
+    assert len(found.impossible) == len(found.cells) / 2
+
+
+def test_a_learner_that_lacks_a_library_says_how_to_install_it(tmp_path: Path, plugins: Plugins) -> None:
+    lacking = dataclasses.replace(plugins.learners["SAC"], modules=("a_library_that_is_not_here",), extra="mine[x]")
+    without = dataclasses.replace(plugins, learners=plugins.learners | {"SAC": lacking})
+    with pytest.raises(SuiteError) as caught:
+        plan(tmp_path, without)
+    assert str(caught.value).endswith(
+        "demo.yaml:5: methods.0: learner 'SAC' needs a_library_that_is_not_here, not installed here; "
+        "run: pip install 'mine[x]'"
+    )

@@ -1,0 +1,106 @@
+"""Cells: what determines a result, and the id that is a hash of just that."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, ClassVar
+
+from causalbench.core.discovery.settings import DiscoverySettings
+from causalbench.core.learners.methods import Method
+from causalbench.core.learners.settings import EvaluationSettings
+
+Variant = Mapping[str, Any]
+"""The settings of a suite's grid that reached a cell: dotted key -> value. Empty without a grid."""
+
+
+@dataclass(frozen=True)
+class TaskIdentity:
+    """A task as it enters a cell."""
+
+    name: str
+    version: int
+    constants: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class BackendIdentity:
+    """A backend as it enters a cell: its plugin's version and those of the modules it imports."""
+
+    name: str
+    version: str
+    modules: Mapping[str, str]
+    options: Mapping[str, str | int | float | bool]
+
+
+@dataclass(frozen=True)
+class DiscoveryCell:
+    """One causal discovery."""
+
+    code: str  # causalbench's version
+    task: TaskIdentity
+    backend: BackendIdentity
+    seed: int
+    settings: DiscoverySettings
+    variant: Variant = field(default_factory=dict)
+
+    cores: ClassVar[int] = 2  # processes that collect samples; no part of the result, nor of the id
+
+    @cached_property
+    def identity(self) -> dict[str, Any]:
+        """All that the id is made of, as JSON data."""
+        return _plain({"kind": "discovery"} | dataclasses.asdict(self))
+
+    @cached_property
+    def id(self) -> str:
+        """A slug to read and the start of a SHA-256."""
+        return f"{self.task.name}-{self.backend.name}-s{self.seed}-{content_hash(self.identity)}"
+
+
+@dataclass(frozen=True)
+class LearnerCell:
+    """One training run. `discovery` is the cell whose graph it learns with, None if its method needs none."""
+
+    code: str
+    task: TaskIdentity
+    backend: BackendIdentity
+    method: Method
+    seed: int
+    env_steps: int
+    learner: Any  # the record of the method's learner
+    evaluation: EvaluationSettings
+    discovery: DiscoveryCell | None
+    variant: Variant = field(default_factory=dict)
+
+    cores: ClassVar[int] = 1
+
+    @cached_property
+    def identity(self) -> dict[str, Any]:
+        """All that the id is made of, as JSON data; a discovery cell enters as its id."""
+        own = dataclasses.asdict(dataclasses.replace(self, discovery=None))
+        return _plain({"kind": "learner"} | own | {"discovery": self.discovery.id if self.discovery else None})
+
+    @cached_property
+    def id(self) -> str:
+        """A slug to read and the start of a SHA-256."""
+        slug = f"{self.task.name}-{self.backend.name}-{self.method.name}-s{self.seed}"
+        return f"{slug}-{content_hash(self.identity)}"
+
+
+Cell = DiscoveryCell | LearnerCell
+
+
+def _plain(content: Mapping[str, Any]) -> dict[str, Any]:
+    """What a reader of the content's JSON gets, so that it equals an identity from disk (a tuple is a list)."""
+    data: dict[str, Any] = json.loads(json.dumps(content))
+    return data
+
+
+def content_hash(content: Mapping[str, Any]) -> str:
+    """First 10 hex digits of the SHA-256 of canonical JSON; the order of keys does not matter."""
+    text = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()[:10]

@@ -1,0 +1,33 @@
+"""The grid of a suite: settings with several values each, every combination of which is run."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any
+
+from pydantic import Field
+
+Grid = dict[str, Annotated[tuple[Any, ...], Field(min_length=1)]]
+"""Dotted key of a setting, such as `learner.learning_rate` or `discovery.kl.epsilon_cv` -> its values."""
+
+Combination = Mapping[str, Any]
+"""Dotted key -> one of its values."""
+
+
+def combinations(grid: Grid) -> Iterator[Combination]:
+    """Every combination, the last key's values changing fastest; one empty combination for an empty grid."""
+    for values in itertools.product(*grid.values()):
+        yield dict(zip(grid, values, strict=True))
+
+
+def layer_of(combination: Combination) -> dict[str, dict[str, Any]]:
+    """The settings of a combination as a suite would write them: section -> key -> value, with nested sections."""
+    layer: dict[str, dict[str, Any]] = {"learner": {}, "discovery": {}, "evaluation": {}}
+    for key, value in combination.items():
+        *path, last = key.split(".")
+        place = layer
+        for part in path:
+            place = place.setdefault(part, {})
+        place[last] = value
+    return layer
