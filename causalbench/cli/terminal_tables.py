@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 Row = Mapping[str, Any]
 
 BOARD = {
-    "rank": "rank", "method": "method", "backend": "backend", "seeds": "seeds", "success_auc_iqm": "success AUC (IQM)",
+    "rank": "rank", "method": "method", "variant": "variant", "backend": "backend",
+    "seeds": "seeds", "success_auc_iqm": "success AUC (IQM)",
     "final_success": "success", "held_rate": "held", "steps_to_90": "steps to 90%",
     "steps_to_90_with_discovery": "with discovery", "reversals": "reversals/1000", "failed_cells": "failed",
     "verdict": "verdict",
@@ -36,7 +37,8 @@ def progress_console() -> Console:
 
 def print_leaderboard(rows: Sequence[Row]) -> None:
     """The leaderboard; an interval stands in brackets behind its number."""
-    table = Table(*BOARD.values(), title="Leaderboard: area under the success curve", title_justify="left")
+    columns = {key: name for key, name in BOARD.items() if key != "variant" or any(row["variant"] for row in rows)}
+    table = Table(*columns.values(), title="Leaderboard: area under the success curve", title_justify="left")
     for row in rows:
         cells = {key: _text(row.get(key)) for key in BOARD}
         if row.get("success_auc_iqm_low") is not None:
@@ -44,7 +46,7 @@ def print_leaderboard(rows: Sequence[Row]) -> None:
         if row.get("p_better_than_next") is not None:
             low, high = row["p_better_low"], row["p_better_high"]
             cells["verdict"] += f", P(better) {row['p_better_than_next']:.2f} [{low:.2f}, {high:.2f}]"
-        table.add_row(*(escape(cells[key]) for key in BOARD))
+        table.add_row(*(escape(cells[key]) for key in columns))
     _print(table)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import statistics
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -17,7 +18,7 @@ from causalbench.store.cells import StoredCell
 Row = dict[str, Any]
 
 COLUMNS = (
-    "rank", "method", "backend", "seeds", "success_auc_iqm", "success_auc_iqm_low", "success_auc_iqm_high",
+    "rank", "method", "variant", "backend", "seeds", "success_auc_iqm", "success_auc_iqm_low", "success_auc_iqm_high",
     "final_success", "held_rate", "steps_to_90", "steps_to_90_with_discovery", "reversals", "p_better_than_next",
     "p_better_low", "p_better_high", "failed_cells", "verdict",
 )  # fmt: skip
@@ -26,11 +27,20 @@ FAILED = {"failed", "timeout", "diverged", "skipped"}
 
 @dataclass(frozen=True)
 class Entry:
-    """One method on one board: its finished cells by backend, and how many others did not finish."""
+    """One method on one board: its finished cells by backend, and how many others did not finish.
+
+    Each variant of a suite's grid is an entry of its own.
+    """
 
     method: str
+    variant: str
     by_backend: dict[str, list[Row]]
     failed: int
+
+    @property
+    def name(self) -> str:
+        """What a verdict calls it."""
+        return f"{self.method} ({self.variant})" if self.variant else self.method
 
     @property
     def rows(self) -> list[Row]:
@@ -63,22 +73,25 @@ def leaderboard(results: Sequence[Row], cells: Iterable[StoredCell]) -> list[Row
 
 def _board(name: str, backends: list[str], results: Sequence[Row], cells: Sequence[StoredCell]) -> list[Row]:
     here = [cell for cell in cells if cell.identity["backend"]["name"] in backends]
-    entries = [
-        Entry(
-            method,
-            {b: [row for row in results if (row["method"], row["backend"]) == (method, b)] for b in backends},
-            sum(cell.identity["method"]["name"] == method and cell.status.state in FAILED for cell in here),
-        )
-        for method in sorted({cell.identity["method"]["name"] for cell in here})
-    ]
+    finished: dict[tuple[str, str], dict[str, list[Row]]] = {}
+    for who in sorted(set(map(_who, here))):
+        own = [row for row in results if (row["method"], row["variant"]) == who]
+        finished[who] = {b: [row for row in own if row["backend"] == b] for b in backends}
+    failed = Counter(_who(cell) for cell in here if cell.status.state in FAILED)
+    entries = [Entry(*who, by_backend, failed[who]) for who, by_backend in finished.items()]
     ranked = sorted((e for e in entries if e.seeds), key=lambda e: -float(stats.pooled_iqm(e.strata)))
     rows = _ranked_rows(ranked) if ranked else []
     for entry in entries:
         if not entry.seeds:
             missing = ", ".join(backend for backend, found in entry.by_backend.items() if not found)
             verdict = f"not ranked: no finished cell on {missing}"
-            rows.append({"method": entry.method, "seeds": 0, "failed_cells": entry.failed, "verdict": verdict})
+            named = {"method": entry.method, "variant": entry.variant}
+            rows.append(named | {"seeds": 0, "failed_cells": entry.failed, "verdict": verdict})
     return [{"backend": name} | row for row in rows]
+
+
+def _who(cell: StoredCell) -> tuple[str, str]:
+    return cell.identity["method"]["name"], cell.variant
 
 
 def _ranked_rows(ranked: list[Entry]) -> list[Row]:
@@ -98,6 +111,7 @@ def _summary(entry: Entry) -> Row:
     low, high = stats.bootstrap_interval(stats.pooled_iqm, strata) if entry.seeds >= stats.LEAST_SEEDS else (None, None)
     return {
         "method": entry.method,
+        "variant": entry.variant,
         "seeds": entry.seeds,
         "success_auc_iqm": float(stats.pooled_iqm(strata)),
         "success_auc_iqm_low": low,
@@ -120,7 +134,7 @@ def _against(following: Entry | None, comparison: Comparison | None, seeds: int)
         return {"verdict": f"{seeds} seeds give no verdict; {stats.LEAST_SEEDS} are needed"}
     if following is None or comparison is None:
         return {"verdict": "nothing is ranked below"}
-    verdict = f"better than {following.method}" if comparison.separated else f"not told apart from {following.method}"
+    verdict = f"better than {following.name}" if comparison.separated else f"not told apart from {following.name}"
     low, high = comparison.bounds
     return {
         "p_better_than_next": comparison.probability,
