@@ -43,6 +43,57 @@ def test_it_finds_what_moves_a_reward_and_shows_by_which_number(site: Path, tmp_
     assert {path.stem for path in (out / "figures").iterdir()} == {"evidence", "matrix", "graph"}
 
 
+SUITE = """\
+schema: 1
+name: ranked
+task: pure_manipulation
+backends: [kinematic]
+methods: []
+tiers:
+  smoke: {seeds: 1}
+discovery: {discoverer: rank_correlation, training_count: 400, rank_correlation: {threshold: 0.15}}
+"""
+
+
+def test_a_suite_sets_its_setting_and_shows_its_evidence(site: Path, tmp_path: Path) -> None:
+    (tmp_path / "ranked.yaml").write_text(SUITE)
+    run = ("causalbench", "run", "ranked.yaml", "--tier", "smoke", "--out", "run", "--quiet")
+    done = call(tmp_path, site, *run)
+    assert done.returncode == 0, done.stderr
+    table = pd.read_csv(tmp_path / "run" / "discovery.csv")
+    np.testing.assert_array_equal(table["selected"] == 1, table["correlation"] > 0.15)
+    (cell,) = (tmp_path / "run" / "discovery").iterdir()
+    assert (cell / "evidence.csv").exists()
+    assert json.loads((cell / "cell.json").read_text())["settings"]["options"] == {"threshold": 0.15}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("threshold:", "treshold:", "discovery.rank_correlation.treshold: unknown key. Did you mean 'threshold'?"),
+        ("0.15", "1.5", "discovery.rank_correlation.threshold: should be less than 1, got 1.5"),
+    ],
+)
+def test_a_suite_that_mistakes_its_setting_is_refused_where_it_stands(
+    site: Path, tmp_path: Path, old: str, new: str, message: str
+) -> None:
+    (tmp_path / "ranked.yaml").write_text(SUITE.replace(old, new))
+    done = call(tmp_path, site, "causalbench", "plan", "ranked.yaml", "--tier", "smoke")
+    assert done.returncode == 2
+    assert f"ranked.yaml:8: {message}" in done.stderr
+
+
+def test_a_value_out_of_bounds_is_refused_on_the_command_line(site: Path, tmp_path: Path) -> None:
+    for setting, message in (
+        ("threshold=1.5", "--set threshold: should be less than 1, got 1.5"),
+        ("training_count=many", "--set training_count: should be a valid integer, got 'many'"),
+    ):
+        arguments = ("causalbench", "discover", "--discoverer", "rank_correlation", "--set", setting)
+        done = call(tmp_path, site, *arguments)
+        assert done.returncode == 2
+        assert message in done.stderr
+
+
 def test_a_setting_that_it_does_not_have_is_refused_with_the_nearest(site: Path, tmp_path: Path) -> None:
     arguments = ("causalbench", "discover", "--discoverer", "rank_correlation", "--set", "treshold=0.15")
     done = call(tmp_path, site, *arguments)

@@ -13,12 +13,13 @@ from rich.progress import Progress
 
 from causalbench.core.discovery.graph import CausalGraph, manual_graph
 from causalbench.core.discovery.settings import SHARED, DiscoverySettings
-from causalbench.errors import RunFolderError
+from causalbench.errors import RunFolderError, UserError
 from causalbench.plugins.manager import installed, scene_maker
 from causalbench.run.cell import use_one_thread, write_graph
 from causalbench.run.score_graph import judge_graph
 from causalbench.store.cells import DATA
 from causalbench.store.samples import SampleFolder
+from causalbench.suite.sections import DiscoverySection
 
 if TYPE_CHECKING:
     from causalbench.core.discovery.truth.oracle import StageTruth
@@ -81,10 +82,14 @@ def infer_alone(data: Path, settings: DiscoverySettings, folder: Path) -> Causal
 
 def choose_settings(discoverer: str, preset: str, changed: Mapping[str, Any]) -> DiscoverySettings:
     """Those of a preset with the settings in `changed`, shared ones or the discoverer's own. Raises `UserError`."""
-    chosen = installed().discoverer(discoverer)
+    chosen, section = installed().discoverer(discoverer), DiscoverySection(installed().discoverers)
     shared = {key: value for key, value in changed.items() if key in SHARED}
     own = {key: value for key, value in changed.items() if key not in SHARED}
-    return chosen.configure(preset, shared, own)
+    settings = chosen.configure(preset, shared, own)  # refuses names that do not exist
+    if problem := section.shared.problem(shared) or section.own[discoverer].problem(own):
+        location, what = problem
+        raise UserError(f"--set {location[0]}: {what}")
+    return settings
 
 
 def _make(folder: Path) -> None:

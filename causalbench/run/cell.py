@@ -162,7 +162,7 @@ def _graph(cell: LearnerCell, task: Task, run: RunFolder) -> CausalGraph | None:
     found = None
     if cell.discovery is not None:
         found = CausalGraph.load(run.folder(cell.discovery) / "graph.json")
-    graph = training_graph(task, cell.method, found, scene_factory(cell.backend, task), cell.seed)
+    graph = training_graph(task, cell.method, found, scene_factory(cell.backend, task), cell.seed, cell.action_repeat)
     if graph is not None and graph.origin in ("oracle", "control"):
         write_text(run.folder(cell) / "graph.json", graph.to_json() + "\n")
     return graph

@@ -63,7 +63,11 @@ class DiscoveryCell:
 
 @dataclass(frozen=True)
 class LearnerCell:
-    """One training run. `discovery` is the cell whose graph it learns with, None if its method needs none."""
+    """One training run. `discovery` is the cell whose graph it learns with, None if its method needs none.
+
+    A method on an oracle's graph asks about actions held for `action_repeat` control steps, as those of a discovery by
+    the suite's settings are; 1 for any other method.
+    """
 
     code: str
     task: TaskIdentity
@@ -74,6 +78,7 @@ class LearnerCell:
     learner: Any  # the record of the method's learner
     evaluation: EvaluationSettings
     discovery: DiscoveryCell | None
+    action_repeat: int = 1
     variant: Variant = field(default_factory=dict)
 
     cores: ClassVar[int] = 1

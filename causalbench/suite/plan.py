@@ -124,9 +124,13 @@ class _Planner:
 
     def _learner(self, backend: BackendIdentity, method: Method, seed: int, combination: Combination) -> LearnerCell:
         sections, patches = self.file.sections, self._learner_patches(backend.name, method.name, combination)
-        discovery = self._discovery(backend, seed, combination) if method.matrix == "discovered" else None
+        asks = method.matrix in ("discovered", "oracle")
+        asked = self._discovery(backend, seed, combination) if asks else None
+        discovery = asked if method.matrix == "discovered" else None
         variant = _reaching(combination, "learner", partial(sections.learner.reaches, subject=method.learner))
         variant |= _reaching(combination, "evaluation", lambda key: True)
+        if method.matrix == "oracle":
+            variant |= _reaching(combination, "discovery", lambda key: key == "action_repeat")
         return LearnerCell(
             code=__version__,
             task=self.task_identity,
@@ -137,6 +141,7 @@ class _Planner:
             learner=self._named(("learner",), partial(sections.learner.resolve, method.learner, patches["learner"])),
             evaluation=sections.evaluation.resolve(patches["evaluation"]),
             discovery=discovery,
+            action_repeat=asked.settings.action_repeat if asked and not discovery else 1,
             variant={**variant, **(discovery.variant if discovery else {})},
         )
 

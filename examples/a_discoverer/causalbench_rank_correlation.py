@@ -7,7 +7,7 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Gt, Lt
 
-from causalbench.discoverer import Discoverer, EvidenceColumn, StageGraph, StageProblem, hookimpl
+from causalbench.discoverer import Discoverer, EvidenceColumn, StageGraph, StageProblem, hookimpl, varies
 
 
 @dataclass(frozen=True)
@@ -26,8 +26,8 @@ def discover_stage(problem: StageProblem) -> StageGraph:
     size = np.abs(data.actions[:, : len(problem.task.actions)])  # without the placebos
     stray = np.abs(data.rewards - data.rewards.mean(0))
     correlation = np.zeros((size.shape[1], stray.shape[1]))
-    for k, j in np.ndindex(correlation.shape):
-        if testable[j]:
+    for j in np.flatnonzero(varies(stray)):  # a reward of two values may stray equally far to both sides
+        for k in range(len(correlation)):
             correlation[k, j] = spearmanr(size[:, k], stray[:, j]).statistic
     present = correlation > problem.options.threshold
     return StageGraph.decided(problem.task, problem.stage, present, testable, {"correlation": correlation})

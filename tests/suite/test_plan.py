@@ -185,6 +185,16 @@ def test_a_grid_runs_every_combination_of_what_reaches_a_cell(tmp_path: Path, pl
     assert [c.learner.n_epochs for c in by_method["mPPO"]] == [2, 4, 2, 4]
 
 
+def test_an_oracle_is_asked_about_actions_held_as_long_as_the_discoverys(tmp_path: Path, plugins: Plugins) -> None:
+    text = SUITE.replace("cmSAC, cmmSAC, mSAC", "cmSAC, cmSAC-oracle, mSAC") + "discovery: {action_repeat: 3}\n"
+    cells = [cell for cell in plan(tmp_path, plugins, text).cells if isinstance(cell, LearnerCell)]
+    held = {cell.method.name: (cell.action_repeat, cell.discovery is None) for cell in cells}
+    assert held == {"cmSAC": (1, False), "cmSAC-oracle": (3, True), "mSAC": (1, True)}
+    other = plan(tmp_path, plugins, text.replace("repeat: 3", "repeat: 2"))
+    kept = {cell.method.name for cell in other.cells if isinstance(cell, LearnerCell) and cell in cells}
+    assert kept == {"mSAC"}
+
+
 def test_a_tier_may_have_a_grid_of_its_own(tmp_path: Path, plugins: Plugins) -> None:
     text = SUITE.replace("quick: {", "quick: {grid: {}, ").replace("cmmSAC", "mPPO") + GRID
     assert len(plan(tmp_path, plugins, text, seeds=1).cells) == 1 + 3
