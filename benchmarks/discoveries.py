@@ -2,7 +2,7 @@
 
     python benchmarks/discoveries.py --backends kinematic gymrob robosuite pybullet --seeds 5 --out runs/discoveries
 
-Each is what `causalbench discover --backend B --oracle --seed S --out OUT/B-sS` writes; one that is there is kept, and
+Each is what `causalbench discover --backend B --oracle --seed S --out OUT/B-sS` runs; one that is there is kept, and
 one that was interrupted continues. What the benchmarks measure is kept likewise, a small file per measurement in their
 `--work` folder, from which the tables in docs/data are put together.
 """
@@ -10,6 +10,8 @@ one that was interrupted continues. What the benchmarks measure is kept likewise
 from __future__ import annotations
 
 import argparse
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -37,7 +39,6 @@ from causalbench.core.discovery.truth.score import Score, score_graph
 from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench.core.tasks.task import Task
 from causalbench.core.world.scene import Scene
-from causalbench.run.alone import discover_alone
 from causalbench.store.cells import DATA
 from causalbench.store.samples import SampleFolder
 
@@ -50,11 +51,18 @@ def quiet(share: float, doing: str) -> None:
     """No progress: one line a measurement is enough."""
 
 
+def existing(root: Path, backend: str, seed: int) -> Path | None:
+    """The folder of a discovery's cell; None if it is not there."""
+    return next((path.parent for path in (root / f"{backend}-s{seed}").glob("discovery/*/graph.json")), None)
+
+
 def folder(root: Path, backend: str, seed: int) -> Path:
-    """Where a discovery is; made if it is not there."""
-    path = root / f"{backend}-s{seed}"
-    if not (path / "oracle.csv").exists():
-        discover_alone(TASK.name, backend, DiscoverySettings(), seed, True, path, 1)
+    """The folder of a discovery's cell, which is run if it is not there."""
+    if (path := existing(root, backend, seed)) is None:
+        out = root / f"{backend}-s{seed}"
+        given = ("--backend", backend, "--seed", str(seed), "--out", str(out), "--jobs", "1", "--oracle", "--quiet")
+        subprocess.run([sys.executable, "-m", "causalbench", "discover", *given], check=True)
+        return folder(root, backend, seed)
     return path
 
 

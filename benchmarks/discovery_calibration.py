@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import torch
-from discoveries import Row, measured, options, put_together, quiet, read_graph
+from discoveries import Row, existing, measured, options, put_together, quiet, read_graph
 
 from causalbench.core.discovery.graph import CausalGraph
 from causalbench.core.discovery.methods.kl.placebos import p_values
@@ -36,10 +36,8 @@ def truth() -> list[np.ndarray]:
 
 def graph_of(seed: int, discoveries: Path) -> CausalGraph:
     """The discovery of `seed` by the default settings."""
-    made = discoveries / f"kinematic-s{seed}"
-    return (
-        read_graph(made) if (made / "graph.json").exists() else discover(TASK, make, DiscoverySettings(), seed, quiet)
-    )
+    made = existing(discoveries, "kinematic", seed)
+    return read_graph(made) if made else discover(TASK, make, DiscoverySettings(), seed, quiet)
 
 
 def edges(graph: CausalGraph, true: list[np.ndarray], seed: int) -> list[Row]:

@@ -20,7 +20,7 @@ import numpy as np
 import pages
 import pandas as pd
 import yaml
-from discoveries import BACKENDS, Row, judged, read_graph, read_truth
+from discoveries import BACKENDS, Row, existing, judged, read_graph, read_truth
 from discovery_calibration import FDR, p_values_of_absent_edges
 from discovery_calibration import summary as calibration_summary
 from discovery_methods import summary as methods_summary
@@ -38,12 +38,12 @@ PAGE = Path("docs/discovery_results.md")
 
 def read_discoveries(root: Path, docs: Path) -> None:
     """Renew every edge of every discovery in `root`, and its row; discoveries that are not there keep theirs."""
-    made = [
-        (backend, int(path.name.rpartition("-s")[2]), path)
+    seeds = [
+        (backend, int(path.name.rpartition("-s")[2]))
         for backend in BACKENDS
         for path in sorted(root.glob(f"{backend}-s*"))
-        if (path / "oracle.csv").exists()
     ]
+    made = [(*one, path) for one in seeds if (path := existing(root, *one))]
     tables = {"discovery_edges": _edges, "discovery_seeds": _seeds, "discovery_directions": _directions}
     for name, rows in tables.items():
         new = pd.DataFrame([row for one in made for row in rows(*one)])
@@ -62,9 +62,9 @@ def draw_first(root: Path, figures: Path) -> None:
     """The KL map of each backend's seed 0 as docs/figures/kl-BACKEND.svg."""
     figures.mkdir(parents=True, exist_ok=True)
     for backend in BACKENDS:
-        if (root / f"{backend}-s0" / "oracle.csv").exists():
+        if made := existing(root, backend, 0):
             with tempfile.TemporaryDirectory() as folder:
-                write_figures(Path(folder) / "figures", read_graph(root / f"{backend}-s0"), manual_graph(TASK))
+                write_figures(Path(folder) / "figures", read_graph(made), manual_graph(TASK))
                 shutil.copyfile(Path(folder) / "figures" / "evidence.svg", figures / f"kl-{backend}.svg")
 
 

@@ -33,14 +33,15 @@ def test_it_finds_what_moves_a_reward_and_shows_by_which_number(site: Path, tmp_
     options = ("--set", "threshold=0.15", "--set", "training_count=1000", "--out", str(out))
     done = call(tmp_path, site, "causalbench", "discover", "--discoverer", "rank_correlation", *options)
     assert done.returncode == 0, done.stderr
-    table = pd.read_csv(out / "evidence.csv")
+    (cell,) = (out / "discovery").iterdir()
+    table = pd.read_csv(cell / "evidence.csv")
     assert list(table.columns) == ["stage", "reward", "action", "selected", "in_policy", "correlation"]
     np.testing.assert_array_equal(table["selected"] == 1, table["correlation"] > 0.15)
     found = table[(table["selected"] == 1) & (table["stage"] == 1)].groupby("reward")["action"].agg(set)
     assert (found["r_eefx"], found["r_eefy"]) == (TRUTH[1]["r_eefx"], TRUTH[1]["r_eefy"])
-    settings = json.loads((out / "graph.json").read_text())["provenance"]["settings"]
+    settings = json.loads((cell / "graph.json").read_text())["provenance"]["settings"]
     assert (settings["discoverer"], settings["options"]) == ("rank_correlation", {"threshold": 0.15})
-    assert {path.stem for path in (out / "figures").iterdir()} == {"evidence", "matrix", "graph"}
+    assert {path.stem for path in (cell / "figures").iterdir()} == {"evidence", "matrix", "graph"}
 
 
 SUITE = """\

@@ -130,7 +130,7 @@ def test_discover_refuses_what_does_not_exist(call: Callable) -> None:
     done = call("discover", "--preset", "papr")
     assert (done.returncode, done.stderr) == (
         2,
-        "error: unknown preset 'papr'. Did you mean 'paper'? Known: paper, paper_large, quick.\n",
+        "error: --preset: should be 'quick', 'paper' or 'paper_large', got 'papr'. Did you mean 'paper'?\n",
     )
     done = call("discover", "--backend", "gymrobot9")
-    assert (done.returncode, done.stderr.startswith("error: unknown backend 'gymrobot9'.")) == (2, True)
+    assert (done.returncode, done.stderr.startswith("error: --backend: unknown backend 'gymrobot9'.")) == (2, True)

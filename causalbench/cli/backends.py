@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from causalbench.cli.options import EXIT_FAILED, AsJson, Jobs, cores, named_values, print_json
+from causalbench.cli.options import EXIT_FAILED, AsJson, BackendOptions, Jobs, cores, named_values, print_json
 
 
 def backends() -> None:
@@ -20,7 +20,7 @@ def backends() -> None:
 
 def check(
     backend: Annotated[str, typer.Argument(help="Registered name, such as kinematic.")],
-    option: Annotated[list[str] | None, typer.Option(help="Option of the backend: name=value (repeatable).")] = None,
+    option: BackendOptions = None,
     as_json: AsJson = False,
 ) -> None:
     """Check a backend against the numbered contract of docs/conformance.md."""

@@ -2,53 +2,87 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from causalbench.cli.options import cores, named_values
-from causalbench.core.discovery.settings import DiscoverySettings
+from causalbench.cli.execution import execute, use_one_thread_each
+from causalbench.cli.options import EXIT_FAILED, BackendOptions, cores, named_values
 from causalbench.errors import UserError
-
-DEFAULT = DiscoverySettings().discoverer
 
 
 def discover(
     backend: Annotated[str, typer.Option(help="Where to discover.")] = "kinematic",
     task: Annotated[str, typer.Option(help="What for.")] = "pure_manipulation",
-    discoverer: Annotated[str, typer.Option(help="How: one of docs/discovery.md or a plugin's.")] = DEFAULT,
+    discoverer: Annotated[str, typer.Option(help="How: the paper's kl, or another of docs/discovery.md.")] = "kl",
     preset: Annotated[str, typer.Option(help="Named settings: quick, paper, paper_large.")] = "quick",
     setting: Annotated[
         list[str] | None, typer.Option("--set", help="A setting, any discoverer's or its own: name=value (repeatable).")
     ] = None,
+    option: BackendOptions = None,
     seed: Annotated[int, typer.Option(min=0)] = 0,
     oracle: Annotated[bool, typer.Option("--oracle", help="Score it against counterfactuals from snapshots.")] = False,
     data: Annotated[
         Path | None, typer.Option(help="Folder `data` of an earlier discovery: use its samples, run no simulator.")
     ] = None,
-    out: Annotated[Path | None, typer.Option(help="Folder for graph.json, evidence.csv and the samples.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Run folder.")] = None,
     jobs: Annotated[int | None, typer.Option(min=1, help="Processes that collect (default: one per core).")] = None,
+    quiet: Annotated[bool, typer.Option(help="Show no progress.")] = False,
 ) -> None:
-    """Discover the causal graph of a task, print it beside its evidence; write graph.json, evidence.csv and data/."""
-    from causalbench.cli.terminal_tables import print_graph, print_oracle
-    from causalbench.report.figures import write_discovery_figures
-    from causalbench.run.alone import choose_settings, discover_alone, infer_alone
+    """Discover the causal graph of a task and print it beside its evidence: a run of one cell."""
+    use_one_thread_each()
+    from causalbench.plugins.manager import installed
+    from causalbench.suite.one_discovery import discovery_section
 
-    changed = named_values(setting or (), "--set", "training_count=1000")
-    settings = choose_settings(discoverer, preset, changed)
-    name = "-".join([discoverer, preset, *(f"{key}-{value}" for key, value in changed.items())])
+    given = named_values(setting or (), "--set", "training_count=1000")
+    options = named_values(option or (), "--option", "control_hz=20")
+    section = discovery_section(discoverer, preset, given, installed())
+    name = "-".join([discoverer, preset, *(f"{key}-{value}" for key, value in {**given, **options}.items())])
     if data is not None:
         if oracle:
             raise UserError("--oracle asks the simulator: run it without --data")
-        folder = out or data.parent / name
-        graph = infer_alone(data, settings, folder)
-        write_discovery_figures(folder)
-        print_graph(graph, folder)
+        _from_samples(data, section, out or data.parent / name)
         return
-    folder = out or Path("runs") / f"discover-{task}-{backend}-{name}-s{seed}"
-    graph, truth = discover_alone(task, backend, settings, seed, oracle, folder, jobs or cores())
+    if oracle:
+        from causalbench.core.discovery.truth.oracle import ORACLE_STATES
+
+        section = {"oracle_states": ORACLE_STATES} | section
+    folder = out or Path("runs") / f"discover-{task}-{backend}-{name}-s{seed}".replace("/", "_")
+    _run(task, backend, seed, section, options, folder, jobs or cores(), quiet)
+
+
+def _run(
+    task: str, backend: str, seed: int, section: Mapping[str, Any], options: Mapping[str, Any],
+    out: Path, jobs: int, quiet: bool,
+) -> None:  # fmt: skip
+    from causalbench.cli.terminal_tables import print_graph, print_oracle, print_unfinished
+    from causalbench.core.discovery.graph import CausalGraph
+    from causalbench.plugins.manager import installed
+    from causalbench.run.cell import Keeping
+    from causalbench.run.session import Execution
+    from causalbench.store.cells import RunFolder
+    from causalbench.suite.one_discovery import plan_discovery
+
+    plan, file = plan_discovery(task, backend, seed, section, options, installed())
+    run, (cell,) = RunFolder(out), plan.cells
+    execute(plan, run, file, Execution("processes", jobs, None, True, Keeping()), quiet)
+    status = run.status(cell)
+    if status.state != "done":
+        print_unfinished({cell.id: status}, run.path)
+        raise typer.Exit(EXIT_FAILED)
+    graph = CausalGraph.load(run.folder(cell) / "graph.json")
+    print_graph(graph, run.folder(cell))
+    if graph.oracle:
+        print_oracle(graph, run.folder(cell))
+
+
+def _from_samples(data: Path, section: Mapping[str, Any], folder: Path) -> None:
+    from causalbench.cli.terminal_tables import print_graph
+    from causalbench.report.figures import write_discovery_figures
+    from causalbench.run.from_samples import discover_from_folder
+
+    graph = discover_from_folder(data, section, folder)
     write_discovery_figures(folder)
     print_graph(graph, folder)
-    if truth is not None:
-        print_oracle(graph, truth)

@@ -21,6 +21,7 @@ Seeds = Annotated[int | None, typer.Option(min=1, help="Run seeds 0 to N-1 inste
 Only = Annotated[list[str] | None, typer.Option(help="Keep some cells: backend=A,method=B,seed=0 (repeatable).")]
 Out = Annotated[Path | None, typer.Option(help="Run folder (default: runs/<suite>-<tier>).")]
 Jobs = Annotated[int | None, typer.Option(min=1, help="Cells at a time (default: one per core).")]
+BackendOptions = Annotated[list[str] | None, typer.Option(help="Option of the backend: name=value (repeatable).")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
 
 

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import os
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from causalbench.cli.execution import execute, use_one_thread_each
 from causalbench.cli.options import (
     EXIT_FAILED,
-    EXIT_INTERRUPTED,
     AsJson,
     Jobs,
     Only,
@@ -24,7 +23,6 @@ from causalbench.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from causalbench.run.session import Execution
     from causalbench.store.cells import RunFolder
     from causalbench.suite.plan import Plan
     from causalbench.suite.schema import SuiteFile
@@ -59,9 +57,7 @@ def run(
     quiet: Annotated[bool, typer.Option(help="Show no progress.")] = False,
 ) -> None:
     """Run a suite, or what is missing of it, and print the leaderboard."""
-    # Set before numpy is imported: a cell has one core, and sums must not depend on how many there are.
-    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(name, "1")
+    use_one_thread_each()
     from causalbench.run.cell import Keeping
     from causalbench.run.session import Execution
     from causalbench.run.tensorboard import summary_writer
@@ -73,11 +69,7 @@ def run(
     execution = Execution(
         executor.value, jobs or cores(), seconds, retry_failed, Keeping(checkpoint_every, tensorboard)
     )
-    try:
-        _execute(plan, folder, file, execution, quiet or as_json)
-    except KeyboardInterrupt:
-        typer.echo("stopped; the same command continues with what is missing", err=True)
-        raise typer.Exit(EXIT_INTERRUPTED) from None
+    execute(plan, folder, file, execution, quiet or as_json)
     states = [folder.status(cell).state for cell in plan.cells]
     _print_run(plan, folder, as_json)
     if any(state != "done" for state in states):
@@ -127,23 +119,6 @@ def _plan(
     return plan, RunFolder(out or Path("runs") / f"{file.suite.name}-{tier}"), file
 
 
-def _execute(plan: Plan, folder: RunFolder, file: SuiteFile, execution: Execution, quiet: bool) -> None:
-    from causalbench.cli.progress import choose_view
-    from causalbench.cli.terminal_tables import progress_console
-    from causalbench.plugins.manager import installed
-    from causalbench.report.figures import write_run_figures
-    from causalbench.report.tables import write_tables
-    from causalbench.run.session import run_plan
-
-    view = choose_view(quiet, progress_console())
-
-    def report() -> None:
-        write_tables(folder)
-        write_run_figures(folder)
-
-    run_plan(plan, folder, file, installed(), execution, view, report)
-
-
 def _print_run(plan: Plan, folder: RunFolder, as_json: bool) -> None:
     from causalbench.cli.terminal_tables import print_known_gaps, print_leaderboard, print_unfinished
     from causalbench.report.tables import merged_leaderboard
@@ -154,6 +129,7 @@ def _print_run(plan: Plan, folder: RunFolder, as_json: bool) -> None:
         cells = [{"cell": name, "state": status.state, "reason": status.reason} for name, status in statuses.items()]
         print_json({"out": str(folder.path), "cells": cells, "leaderboard": rows})
         return
-    print_leaderboard(rows)
+    if rows:
+        print_leaderboard(rows)
     print_known_gaps([folder])
     print_unfinished(statuses, folder.path)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rich.console import Console
 from rich.markup import escape
@@ -14,9 +14,6 @@ from causalbench.core.discovery.graph import CausalGraph, StageGraph
 from causalbench.plugins.manager import Plugins
 from causalbench.run.doctor import Finding
 from causalbench.store.cells import RunFolder, Status
-
-if TYPE_CHECKING:
-    from causalbench.core.discovery.truth.oracle import StageTruth
 
 Row = Mapping[str, Any]
 
@@ -95,19 +92,19 @@ def print_graph(graph: CausalGraph, folder: Path) -> None:
     _print(f"Causal graph {graph.hash}, {graph.env_steps} environment steps; written to {folder}")
 
 
-def print_oracle(graph: CausalGraph, truth: Sequence[StageTruth]) -> None:
-    """Every edge that is there or was selected, with its effect and grade, then the scores."""
-    from causalbench.core.discovery.tables import oracle_table, score_table
+def print_oracle(graph: CausalGraph, folder: Path) -> None:
+    """Every edge that is there or was selected, with its effect and grade, then the scores, from a cell's `folder`."""
+    import pandas as pd
 
     edges = Table("stage", "reward", "action", "effect", "interval", "grade", "selected", title="Oracle")
-    for row in oracle_table(graph, truth).to_dict("records"):
+    for row in pd.read_csv(folder / "oracle.csv").to_dict("records"):
         if row["grade"] != "absent" or row["selected"]:
             interval = escape(f"[{row['effect_low']:.4f}, {row['effect_high']:.4f}]")
             named = (str(row[key]) for key in ("stage", "reward", "action"))
             edges.add_row(*named, f"{row['effect']:.4f}", interval, row["grade"], "X" if row["selected"] else "")
     _print(edges)
     scores = Table("stage", "precision", "recall", "F1", "SHD", "F1, weak counted", title="Score on strong edges")
-    for row in score_table(graph, truth).to_dict("records"):
+    for row in pd.read_csv(folder / "score.csv").to_dict("records"):
         ratios = [f"{row[key]:.3f}" for key in ("precision", "recall", "f1")]
         scores.add_row(str(row["stage"]), *ratios, str(row["shd"]), f"{row['f1_weak_present']:.3f}")
     _print(scores)

@@ -53,7 +53,10 @@ def processes(
     cells: Sequence[Cell], run: RunFolder, on_progress: OnCellProgress, keeping: Keeping,
     jobs: int, timeout: float | None = None,
 ) -> Outcomes:  # fmt: skip
-    """One process per cell, `jobs` cores at a time; a crash, a kill or `timeout` seconds end that cell only."""
+    """One process per cell, `jobs` cores at a time; a crash, a kill or `timeout` seconds end that cell only.
+
+    A cell that is alone may use all of them.
+    """
     preload(PRELOAD)
     waiting, running = list(cells), list[_Running]()
     try:
@@ -64,9 +67,9 @@ def processes(
                     run.finish(cell, Status("skipped", missing))
                     waiting.remove(cell)
                     yield cell, run.status(cell)
-                elif sum(job.cores for job in running) + min(cell.cores, jobs) <= jobs:
+                elif sum(job.cores for job in running) + (cores := min(cell.cores, jobs)) <= jobs:
                     waiting.remove(cell)
-                    running.append(_start(cell, run, keeping, timeout, min(cell.cores, jobs)))
+                    running.append(_start(cell, run, keeping, timeout, jobs if len(cells) == 1 else cores))
             _receive(running, on_progress)
             for job in [job for job in running if job.has_ended()]:
                 running.remove(job)

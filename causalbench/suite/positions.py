@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 import stat
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import yaml
 
@@ -18,6 +18,21 @@ Location = tuple[int | str, ...]
 """Keys and list indices from the top of the file to a value."""
 
 MAX_BYTES = 1_000_000
+
+
+class Source(Protocol):
+    """Where the data of a suite come from, and how to point at a place in it."""
+
+    @property
+    def data(self) -> Any:
+        """The content, as YAML's data."""
+
+    @property
+    def text(self) -> str:
+        """The suite as a file has it."""
+
+    def mistake(self, location: Location, message: str) -> SuiteError:
+        """The error for the value at `location`."""
 
 
 class _Loader(yaml.SafeLoader):

@@ -14,7 +14,7 @@ from causalbench.errors import UnknownNameError
 from causalbench.plugins.manager import Plugins
 from causalbench.suite.grid import Grid, layer_of
 from causalbench.suite.messages import as_json, explain, guess, worst
-from causalbench.suite.positions import Location, PositionedYaml
+from causalbench.suite.positions import Location, PositionedYaml, Source
 from causalbench.suite.sections import SECTIONS, Sections
 
 MAX_SEEDS, MAX_STEPS = 10_000, 10**12
@@ -91,7 +91,7 @@ class SuiteFile:
     """A valid suite, the file it came from, and what its settings sections mean."""
 
     suite: Suite
-    source: PositionedYaml
+    source: Source
     sections: Sections
 
 
@@ -103,7 +103,7 @@ def load_suite(path: Path, plugins: Plugins) -> SuiteFile:
     return check_suite(PositionedYaml(path), plugins)
 
 
-def check_suite(source: PositionedYaml, plugins: Plugins) -> SuiteFile:
+def check_suite(source: Source, plugins: Plugins) -> SuiteFile:
     """The suite in `source`; see `load_suite`."""
     if not isinstance(source.data, dict):
         raise source.mistake((), "expected `key: value` lines; see suites/pure_manip.yaml for an example")
@@ -120,7 +120,7 @@ def check_suite(source: PositionedYaml, plugins: Plugins) -> SuiteFile:
     return file
 
 
-def _check_names(suite: Suite, source: PositionedYaml) -> None:
+def _check_names(suite: Suite, source: Source) -> None:
     for key, names, overrides in (
         ("backends", suite.backends, suite.per_backend),
         ("methods", suite.methods, suite.per_method),
@@ -134,7 +134,7 @@ def _check_names(suite: Suite, source: PositionedYaml) -> None:
                 raise source.mistake((f"per_{key[:-1]}", name), listed)
 
 
-def _learners(suite: Suite, source: PositionedYaml, plugins: Plugins) -> dict[str, str]:
+def _learners(suite: Suite, source: Source, plugins: Plugins) -> dict[str, str]:
     """The suite's methods, each with its learner."""
     found = {}
     for index, name in enumerate(suite.methods):

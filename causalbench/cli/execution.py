@@ -1,0 +1,44 @@
+"""Running a plan from the command line: progress on stderr, tables and pictures at the end."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING
+
+import typer
+
+from causalbench.cli.options import EXIT_INTERRUPTED
+
+if TYPE_CHECKING:
+    from causalbench.run.session import Execution
+    from causalbench.store.cells import RunFolder
+    from causalbench.suite.plan import Plan
+    from causalbench.suite.schema import SuiteFile
+
+
+def use_one_thread_each() -> None:
+    """A cell has one core, and sums must not depend on how many there are: call this before numpy is imported."""
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
+
+
+def execute(plan: Plan, folder: RunFolder, file: SuiteFile, execution: Execution, quiet: bool) -> None:
+    """Run what `plan` lacks in `folder` and write its tables. Raises `typer.Exit` when it is interrupted."""
+    from causalbench.cli.progress import choose_view
+    from causalbench.cli.terminal_tables import progress_console
+    from causalbench.plugins.manager import installed
+    from causalbench.report.figures import write_run_figures
+    from causalbench.report.tables import write_tables
+    from causalbench.run.session import run_plan
+
+    view = choose_view(quiet, progress_console())
+
+    def report() -> None:
+        write_tables(folder)
+        write_run_figures(folder)
+
+    try:
+        run_plan(plan, folder, file, installed(), execution, view, report)
+    except KeyboardInterrupt:
+        typer.echo("stopped; the same command continues with what is missing", err=True)
+        raise typer.Exit(EXIT_INTERRUPTED) from None
