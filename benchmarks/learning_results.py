@@ -24,7 +24,7 @@ import yaml
 from pages import Frames, Tables, merge_into, rounded
 
 from causalbench.core.learners.methods import METHODS, Method
-from causalbench.core.tasks.reward_scales import COLLISION
+from causalbench.core.tasks.reward_scales import SCALES
 from causalbench.report.tables import KEYS
 
 matplotlib.rcParams["svg.hashsalt"] = "causalbench"  # equal data, equal bytes
@@ -44,7 +44,8 @@ def read_run(run: Path, docs: Path) -> str:
     seconds = pd.read_csv(run / "timing.csv").set_index("cell")["seconds"]
     returns = pd.read_csv(run / "returns.csv")
     last = returns[returns["env_steps"] == returns.groupby("cell")["env_steps"].transform("max")]
-    hits = last[last["term"].str.startswith("r_collision")].groupby("cell")["mean_return"].sum().abs() / abs(COLLISION)
+    collisions = last[last["term"].str.startswith("r_collision")]
+    hits = collisions.groupby("cell")["mean_return"].sum().abs() / abs(SCALES.collision)
     cells = {cell.rpartition("-")[0]: cell for cell in seconds.index}
     made = [cells[f"{r.task}-{r.backend}-{r.method}-s{r.seed}"] for r in results.itertuples()]
     results = results.assign(collisions_per_episode=hits[made].to_numpy(), seconds=seconds[made].round(1).to_numpy())

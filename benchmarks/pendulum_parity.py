@@ -31,7 +31,7 @@ from causalbench.core.learners.ppo.settings import PPOSettings
 from causalbench.core.learners.ppo.staged import StagedPPO
 from causalbench.core.learners.sac.settings import SACSettings
 from causalbench.core.learners.sac.staged import StagedSAC
-from causalbench.core.tasks.task import Term
+from causalbench.core.tasks.stage_task import Term
 
 EPISODES, EPISODE_STEPS = 10, 200
 HIGH = np.array([1.0, 1.0, 8.0], dtype=np.float32)  # of Pendulum's observation

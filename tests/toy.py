@@ -6,7 +6,8 @@ import dataclasses
 
 import numpy as np
 
-from causalbench.core.tasks.task import Task, Term
+from causalbench.core.tasks.stage_task import Term
+from causalbench.core.tasks.task import Task
 from causalbench.core.world.batch import Batchable, BatchScene, select
 from causalbench.core.world.facts import Facts
 from causalbench.core.world.layout import Layout, Workspace

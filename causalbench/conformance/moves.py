@@ -131,7 +131,7 @@ def aside(scene: Scene, layout: Layout) -> Layout:
     workspace = scene.spec.workspace
     _, hand_y, _ = to_base(layout.eef_position)
     middle = (workspace.object_low[0] + workspace.object_high[0]) / 2
-    height = workspace.table_height + task.BOX_HALF_EXTENTS[2]
+    height = workspace.table_height + task.C.box_half_extents[2]
     place = np.array([middle, -math.copysign(0.42, hand_y), height])
     box = dataclasses.replace(layout.target, position=rotations.rotate(task.BASE_QUATERNION, place))
     return dataclasses.replace(layout, target=box)
@@ -191,7 +191,7 @@ def full_runs(scene: Scene, name: str, value: float, size: float = 1.0, count: i
 
 def _half_tilted(layout: Layout) -> Layout:
     """`layout` with the hand half as far from straight down as the task's starts are at most."""
-    posture = rotations.multiply(task.FACE_DOWN, rotations.from_axis_angle(1, -task.TILT_HIGH / 2))
+    posture = rotations.multiply(task.FACE_DOWN, rotations.from_axis_angle(1, -task.C.tilt_high / 2))
     return dataclasses.replace(
         layout, eef_quaternion=rotations.canonical(rotations.multiply(task.BASE_QUATERNION, posture))
     )

@@ -21,7 +21,6 @@ from causalbench.core.discovery.registry import Discoverer
 from causalbench.core.learners.methods import Method
 from causalbench.core.learners.registry import Learner
 from causalbench.core.tasks.task import Task
-from causalbench.core.world.capabilities import Capability
 from causalbench.core.world.scene import Scene
 from causalbench.errors import BackendLoadError, UnknownNameError, UserError
 from causalbench.plugins import hookspecs
@@ -137,16 +136,16 @@ def _usable(kind: str, name: str, known: Mapping[str, OptionalT]) -> OptionalT:
 def scene_maker(backend: Backend, task: Task, options: Mapping[str, Any] | None = None) -> Callable[[], Scene]:
     """A function that makes a new scene of `backend` for `task`; `options` are further ones of its `make`.
 
-    Raises `UserError` for a task that drives and a robot that does not.
+    Raises `UserError` for a backend that lacks what the task requires.
     """
-    if Capability.MOBILE_BASE not in task.requires:
-        return functools.partial(backend.make, **options or {})
-    if not backend.mobile_capabilities:
+    options = dict(task.scene_options) | dict(options or {})
+    offered = backend.capabilities | (backend.mobile_capabilities if options.get("mobile") else frozenset())
+    if lacking := sorted(task.requires - offered):
         raise UserError(
-            f"backend {backend.name!r} cannot run task {task.name!r}: its robot does not drive; "
-            "`causalbench backends` lists those with the capability mobile_base"
+            f"backend {backend.name!r} cannot run task {task.name!r}: it lacks {', '.join(lacking)}; "
+            "`causalbench backends` lists what each offers"
         )
-    return functools.partial(backend.make, **{"mobile": True} | dict(options or {}))
+    return functools.partial(backend.make, **options)
 
 
 @functools.cache

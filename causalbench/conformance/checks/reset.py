@@ -20,7 +20,7 @@ from causalbench.conformance.moves import (
     start,
 )
 from causalbench.core.numerics import rotations
-from causalbench.core.tasks.pure_manipulation import BASE_YAW, N_STAGES
+from causalbench.core.tasks.pure_manipulation import N_STAGES, C
 from causalbench.core.world.facts import Facts
 from causalbench.core.world.layout import Box, Layout
 
@@ -98,7 +98,7 @@ def s10_base_elsewhere(bench: Bench) -> None:
 
 
 def _turn() -> NDArray[np.float64]:
-    return rotations.from_axis_angle(2, ELSEWHERE[2] - BASE_YAW)
+    return rotations.from_axis_angle(2, ELSEWHERE[2] - C.base_yaw)
 
 
 def _place(position: NDArray[np.float64]) -> NDArray[np.float64]:

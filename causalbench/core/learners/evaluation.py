@@ -1,4 +1,4 @@
-"""Evaluation: full task episodes from stage 1 on fixed seeds, deterministic and sampled, and the lift-and-hold test."""
+"""Evaluation: full task episodes from stage 1 on fixed seeds, deterministic and sampled."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from causalbench.core.learners.records import Evaluation
 from causalbench.core.learners.registry import Policy
 from causalbench.core.staged.env import StageTaskEnv
-from causalbench.core.tasks.lift_and_hold import lift_and_hold
 
 FIRST_SEED = 1_000_000
 """Evaluation starts are the same for every method and seed, and apart from any training start."""
@@ -20,7 +19,7 @@ FIRST_SEED = 1_000_000
 @dataclass
 class _Outcome:
     success: bool
-    held: bool
+    held: bool | None  # whether the success stood the task's test; None without success or test
     reversals: int
     final_stage: int  # n_stages + 1 on success
     length: int
@@ -28,30 +27,25 @@ class _Outcome:
 
 
 def evaluate(policy: Policy, env: StageTaskEnv, episodes: int, env_steps: int) -> Evaluation:
-    """`episodes` deterministic and as many sampled episodes; the box of every grasp is lifted and held.
+    """`episodes` deterministic and as many sampled episodes; every success is put to the task's own test.
 
     `env_steps` is the training step to report. The sampled episodes use the policy's own generator.
     """
     certain = [_episode(policy, env, FIRST_SEED + i, True) for i in range(episodes)]
     sampled = [_episode(policy, env, FIRST_SEED + i, False) for i in range(episodes)]
-    grasped = [outcome for outcome in (*certain, *sampled) if outcome.success and _grasps(env)]
+    tested = [outcome.held for outcome in (*certain, *sampled) if outcome.held is not None]
     returns = np.mean([outcome.returns for outcome in certain], axis=0)
     return Evaluation(
         env_steps=env_steps,
         episodes=episodes,
         success_deterministic=float(np.mean([outcome.success for outcome in certain])),
         success_sampled=float(np.mean([outcome.success for outcome in sampled])),
-        held_rate=float(np.mean([outcome.held for outcome in grasped])) if grasped else None,
+        held_rate=float(np.mean(tested)) if tested else None,
         reversals_per_episode=float(np.mean([outcome.reversals for outcome in certain])),
         mean_final_stage=float(np.mean([outcome.final_stage for outcome in certain])),
         mean_length=float(np.mean([outcome.length for outcome in certain])),
         term_returns=dict(zip(env.reward_names, map(float, returns), strict=True)),
     )
-
-
-def _grasps(env: StageTaskEnv) -> bool:
-    """Whether success means that the object is held."""
-    return "grip" in env.task.actions
 
 
 def _episode(policy: Policy, env: StageTaskEnv, seed: int, deterministic: bool) -> _Outcome:
@@ -68,5 +62,6 @@ def _episode(policy: Policy, env: StageTaskEnv, seed: int, deterministic: bool) 
         over = terminated or truncated
     success = bool(info["is_success"])
     final_stage = env.task.n_stages + 1 if success else int(info["next_stage"])
-    held = success and _grasps(env) and lift_and_hold(env.scene)
+    test = env.task.after_success
+    held = test(env.scene) if success and test else None
     return _Outcome(success, held, reversals, final_stage, length, returns)

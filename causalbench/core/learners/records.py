@@ -15,8 +15,8 @@ class Evaluation:
 
     Success is a share in [0, 1]; `reversals_per_episode`, `mean_final_stage` (success counts as n_stages + 1) and
     `term_returns` (mean undiscounted return of each reward term per episode) are of the deterministic episodes.
-    `held_rate` is the share of all successes, deterministic and sampled, whose box survived the lift and a 2 s hold;
-    None if there were none.
+    `held_rate` is the share of all successes, deterministic and sampled, that stood what the task puts a success to
+    (`Task.after_success`: pure manipulation lifts the box and holds it for 2 s); None if there were none.
     """
 
     env_steps: int

@@ -24,7 +24,7 @@ MAX_DRAWS = 200
 
 Observation = dict[str, Any]
 Observe = Literal["state", "paper"]
-"""What is observed: the state variables, or beside them what the paper's agents see, `Task.sensor`."""
+"""What is observed: the state variables, or beside them what the paper's agents see, `StageTask.paper_sensor`."""
 
 
 def reset_worlds(
@@ -88,8 +88,8 @@ class Observer:
 
     - `state`: the paper's variables, float32, clipped to the task's bounds;
     - `stage`: stage - 1, for routing;
-    - `gripper`: opening in metres, float32 (1,), with `observe_gripper` (the paper has none) in a task that grips;
-    - `lidar`: ranges in metres, float32 (220,), only in a task that requires "lidar";
+    - `gripper`: opening in metres, float32 (1,), in a task that observes it, with `observe_gripper`;
+    - `lidar`: ranges in metres, float32 (220,), only in a task that observes it;
     - `rgb`: the picture of the camera "scene", uint8 (48, 64, 3), with `observe="paper"` in a task with that sensor.
     """
 
@@ -102,8 +102,8 @@ class Observer:
             )
         self.sees = sensor == "rgb"
         low, high = (bound.astype(np.float32) for bound in task.state_bounds(spec.workspace))
-        self.scans = "lidar" in task.requires
-        observe_gripper = observe_gripper and "grip" in task.actions
+        self.scans = "lidar" in task.observes
+        observe_gripper = observe_gripper and "gripper" in task.observes
         self._task, self._n_state, self._observe_gripper = task, len(low), observe_gripper
         spaces: dict[str, gym.Space[Any]] = {
             "state": gym.spaces.Box(low, high, dtype=np.float32),

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +18,11 @@ from causalbench.core.numerics import rotations
 from causalbench.core.numerics.compiled import compiled
 from causalbench.core.numerics.gufunc import broadcast
 from causalbench.core.tasks import rooms
-from causalbench.core.tasks.reward_scales import ANGLE_SCALE, COLLISION, DISTANCE_SCALE, HORIZON, STAGE_BONUS
+from causalbench.core.tasks.reward_scales import HORIZON, SCALES
+from causalbench.core.tasks.stage_task import CausalSets, Term, by_name, causal_sets
 from causalbench.core.tasks.stages import active_terms
-from causalbench.core.tasks.task import CausalSets, Task, Term, causal_sets, named_constants
+from causalbench.core.tasks.task import Task
+from causalbench.core.world.capabilities import Capability
 from causalbench.core.world.facts import Facts
 from causalbench.core.world.layout import Box, Carry, Layout, Workspace
 from causalbench.core.world.scene import SceneSpec
@@ -27,15 +30,26 @@ from causalbench.errors import UserError
 
 Array = NDArray[np.float64]
 
-TARGET_LOW, TARGET_HIGH = 0.60, 0.85  # m above the floor
-START_GAP = 0.5  # m: so much further than near is the target at a start of stage 1
-NEAR_DEPTH = 0.15  # m: so much nearer than need be the base may be at a start of stages 2 and 3
 
-NEAR = 0.80  # m from the base's axis of turning to the target, horizontally: where stage 1 ends
-TOLERANCE_THETA = 0.10  # rad between straight ahead and the target: where stage 2 ends
-TARGET_RADIUS = 0.05  # m about the target: where stage 3 ends
+class Constants(NamedTuple):
+    """Every number of the task beside those of its rooms, part of its identity; metres, radians and seconds."""
 
-MAX_FORWARD, MAX_TURN = 1.0, 2.0  # m/s and rad/s: bounds of the observed speeds
+    target_low: float = 0.60  # above the floor
+    target_high: float = 0.85
+    start_gap: float = 0.5  # so much further than near is the target at a start of stage 1
+    near_depth: float = 0.15  # so much nearer than need be the base may be at a start of stages 2 and 3
+    near: float = 0.80  # from the base's axis of turning to the target, horizontally: where stage 1 ends
+    tolerance_theta: float = 0.10  # between straight ahead and the target: where stage 2 ends
+    target_radius: float = 0.05  # about the target: where stage 3 ends
+    max_forward: float = 1.0  # m/s, bound of the observed speed
+    max_turn: float = 2.0  # rad/s, likewise
+    bounds_margin: float = 0.2  # beyond where the hand starts and works, in the bounds of what is observed
+    expert_gain: float = 0.5  # share of an error that the expert removes in a control step
+    expert_ahead: int = 4  # cells of the ground that the expert looks ahead
+    expert_narrowness: int = 8  # power of the bearing's cosine, which is how fast the expert drives
+
+
+C = Constants()
 
 ACTIONS = ("forward", "turn", "armx", "army", "armz")
 N_STAGES = 3
@@ -54,7 +68,7 @@ TERMS = (
 # By stage and term, 0 where the term is not active. An argument of the compiled functions: those are cached on disk by
 # this file's date, so that constants from elsewhere must not be baked into them.
 SCALE = active_terms(TERMS, N_STAGES) * np.array(
-    [DISTANCE_SCALE, ANGLE_SCALE, *[DISTANCE_SCALE] * 3, *[-COLLISION] * 3, STAGE_BONUS]
+    [SCALES.distance, SCALES.angle, *[SCALES.distance] * 3, *[-SCALES.collision] * 3, SCALES.stage_bonus]
 )
 STATE_NAMES = ("rho", "theta", "height", "v_forward", "v_turn", "eeflx", "eefly", "eeflz")
 
@@ -86,19 +100,19 @@ def draw_layout(rng: np.random.Generator, workspace: Workspace, max_opening: flo
     ground = rooms.ground(boxes, carry.footprint)
     cells = ground.centres[ground.free]
     target = cells[_pick(unit[1], len(cells))] + rooms.CELL * (unit[2:4] - 0.5)
-    height = TARGET_LOW + unit[4] * (TARGET_HIGH - TARGET_LOW)
+    height = C.target_low + unit[4] * (C.target_high - C.target_low)
     away = np.hypot(*(cells - target).T)
-    cells = cells[away > NEAR + START_GAP if stage == 1 else (away < NEAR) & (away > NEAR - NEAR_DEPTH)]
+    cells = cells[away > C.near + C.start_gap if stage == 1 else (away < C.near) & (away > C.near - C.near_depth)]
     base = cells[_pick(unit[5], len(cells))] + rooms.CELL * (unit[6:8] - 0.5)
     bearing = math.atan2(*(target - base)[::-1])
-    yaw = math.remainder(bearing + (2 * unit[8] - 1) * (TOLERANCE_THETA if stage == 3 else math.pi), math.tau)
+    yaw = math.remainder(bearing + (2 * unit[8] - 1) * (C.tolerance_theta if stage == 3 else math.pi), math.tau)
     low, high = np.array(carry.hand_low), np.array(carry.hand_high)
     turn = rotations.from_axis_angle(2, yaw)
     hand = rotations.rotate(turn, low + unit[9:12] * (high - low)) + np.append(base, 0.0)
     posture = rotations.multiply(rotations.FACE_DOWN, rotations.from_axis_angle(1, -carry.tilt))
     return Layout(
         fixtures=boxes,
-        target=Box("target", np.full(3, TARGET_RADIUS), np.append(target, height), np.array([1.0, 0.0, 0.0, 0.0])),
+        target=Box("target", np.full(3, C.target_radius), np.append(target, height), np.array([1.0, 0.0, 0.0, 0.0])),
         target_mass=0.0,
         base_pose=np.append(base, yaw),
         eef_position=hand,
@@ -113,12 +127,12 @@ def _pick(unit: float, n: int) -> int:
 
 def state_bounds(workspace: Workspace) -> tuple[Array, Array]:
     """(low, high), each (8,): where the state variables normally lie, for scaling and for the observation space."""
-    carry, margin = _carry(workspace), 0.2
+    carry, margin = _carry(workspace), C.bounds_margin
     furthest = 2 * math.hypot(*rooms.ROOM_HALF_EXTENTS)
-    hand_low = np.minimum(carry.hand_low, [0.0, -NEAR * TOLERANCE_THETA, TARGET_LOW]) - margin
-    hand_high = np.maximum(carry.hand_high, [NEAR, NEAR * TOLERANCE_THETA, TARGET_HIGH]) + margin
-    low = [0.0, -math.pi, TARGET_LOW, -MAX_FORWARD, -MAX_TURN, *hand_low]
-    high = [furthest, math.pi, TARGET_HIGH, MAX_FORWARD, MAX_TURN, *hand_high]
+    hand_low = np.minimum(carry.hand_low, [0.0, -C.near * C.tolerance_theta, C.target_low]) - margin
+    hand_high = np.maximum(carry.hand_high, [C.near, C.near * C.tolerance_theta, C.target_high]) + margin
+    low = [0.0, -math.pi, C.target_low, -C.max_forward, -C.max_turn, *hand_low]
+    high = [furthest, math.pi, C.target_high, C.max_forward, C.max_turn, *hand_high]
     return np.array(low), np.array(high)
 
 
@@ -160,8 +174,8 @@ def stage(facts: Facts) -> NDArray[np.int64]:
 @broadcast("f8[:], f8[:], i8[:]", "(b),(p)->()")
 def _stage(base: Array, target: Array, out: Array) -> None:
     out[0] = 1
-    if _rho(base, target) < NEAR:
-        out[0] = 3 if abs(_theta(base, target)) < TOLERANCE_THETA else 2
+    if _rho(base, target) < C.near:
+        out[0] = 3 if abs(_theta(base, target)) < C.tolerance_theta else 2
 
 
 def success(stage: NDArray[np.int64], now: Facts) -> NDArray[np.bool_]:
@@ -173,7 +187,7 @@ def success(stage: NDArray[np.int64], now: Facts) -> NDArray[np.bool_]:
 @compiled
 def _is_inside(hand: Array, target: Array) -> bool:
     x, y, z = hand[0] - target[0], hand[1] - target[1], hand[2] - target[2]
-    return x * x + y * y + z * z < TARGET_RADIUS * TARGET_RADIUS
+    return x * x + y * y + z * z < C.target_radius * C.target_radius
 
 
 @broadcast("f8[:], f8[:], b1[:]", "(p),(p)->()")
@@ -224,16 +238,13 @@ def _rewards(
         out[term] = scale[term] * out[term] if scale[term] > 0.0 else 0.0
 
 
-LOOK_AHEAD = 4  # cells of the ground
-
-
 def expert(facts: Facts, spec: SceneSpec, layout: Layout | Sequence[Layout] | None = None) -> Array:
     """Scripted macro action (..., 5): what the stage asks for and nothing else.
 
     With a `layout` it drives along the shortest way over the room's free ground, else straight on.
     """
     speed = dict(zip(spec.actions, spec.action_speed, strict=True))
-    gain = 0.5 / spec.control_dt
+    gain = C.expert_gain / spec.control_dt
     u, error = stage(facts), facts.object_position - facts.eef_position
     base = facts.base_pose
     goal = facts.object_position[..., :2]
@@ -245,13 +256,13 @@ def expert(facts: Facts, spec: SceneSpec, layout: Layout | Sequence[Layout] | No
         ):
             if stage_of == 1:
                 ground = rooms.ground(room.fixtures, _carry(spec.workspace).footprint)
-                end[:] = ground.waypoint(start[:2], end, LOOK_AHEAD)
+                end[:] = ground.waypoint(start[:2], end, C.expert_ahead)
     way = goal - base[..., :2]
     bearing = np.arctan2(way[..., 1], way[..., 0]) - base[..., 2]
     bearing = (bearing + math.pi) % math.tau - math.pi
     yaw = base[..., 2]
     out = np.zeros((*error.shape[:-1], len(ACTIONS)))
-    out[..., 0] = (u == 1) * np.maximum(np.cos(bearing), 0.0) ** 8
+    out[..., 0] = (u == 1) * np.maximum(np.cos(bearing), 0.0) ** C.expert_narrowness
     out[..., 1] = (u <= 2) * bearing * gain / speed["turn"]
     out[..., 2] = (u == 3) * (np.cos(yaw) * error[..., 0] + np.sin(yaw) * error[..., 1]) * gain / speed["armx"]
     out[..., 3] = (u == 3) * (np.cos(yaw) * error[..., 1] - np.sin(yaw) * error[..., 0]) * gain / speed["army"]
@@ -268,7 +279,7 @@ TASK = Task(
     terms=TERMS,
     state_names=STATE_NAMES,
     horizon=HORIZON,
-    constants=named_constants(globals()),
+    constants=by_name(C) | {"reward_scales": by_name(SCALES), "rooms": rooms.CONSTANTS},
     manual_graph=MANUAL_GRAPH,
     draw_layout=draw_layout,
     state_bounds=state_bounds,
@@ -277,6 +288,9 @@ TASK = Task(
     rewards=rewards,
     success=success,
     expert=expert,
-    requires=frozenset({"mobile_base", "lidar"}),
-    sensor="lidar",
+    requires=frozenset({Capability.MOBILE_BASE, Capability.LIDAR}),
+    scene_options={"mobile": True},
+    camera="room",
+    observes=frozenset({"lidar"}),
+    paper_sensor="lidar",
 )

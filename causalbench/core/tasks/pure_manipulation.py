@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,33 +17,46 @@ from numpy.typing import NDArray
 from causalbench.core.numerics import kernels, rotations
 from causalbench.core.numerics.compiled import compiled
 from causalbench.core.numerics.gufunc import broadcast
-from causalbench.core.tasks.reward_scales import ANGLE_SCALE, COLLISION, DISTANCE_SCALE, HORIZON, STAGE_BONUS
+from causalbench.core.tasks import lift_and_hold as lifting
+from causalbench.core.tasks.reward_scales import HORIZON, SCALES
+from causalbench.core.tasks.stage_task import CausalSets, Term, by_name, causal_sets
 from causalbench.core.tasks.stages import active_terms
-from causalbench.core.tasks.task import CausalSets, Task, Term, causal_sets, named_constants
+from causalbench.core.tasks.task import Task
 from causalbench.core.world.facts import Facts
 from causalbench.core.world.layout import Box, Layout, Workspace
 from causalbench.core.world.scene import SceneSpec
 
 Array = NDArray[np.float64]
 
-BOX_HALF_EXTENTS = (0.05, 0.015, 0.025)  # m; the short side is y
-BOX_MASS = 0.2  # kg
-TABLE_HALF_EXTENTS = (0.3, 0.5)  # m along base x and y
-TABLE_GAP = 0.1  # m from the nearest object start to the table's near edge
-BOX_YAW = 0.1  # rad either way
-TILT_LOW, TILT_HIGH = 0.5, 0.85  # rad by which a starting hand points forward of straight down
-ROLL = 0.3  # rad either way about the hand's own x axis
-CLOSING_SLACK = 0.02  # m: at most so much wider than the box is the gripper at a start inside stage 4
 
-HOVER = 0.15  # m above the box centre: where stage 1 ends
-GRASP_HEIGHT = 0.012  # m above the box centre: where stage 3 ends, high enough that no fingertip meets the table
-TOLERANCE_XY = 0.02  # m, each world axis
-TOLERANCE_HOVER = 0.02  # m
-TOLERANCE_ORI = 0.10  # rad between the approach axis and straight down
-TOLERANCE_GRASP = 0.012  # m
+class Constants(NamedTuple):
+    """Every number of the task, part of its identity; metres, radians and kilograms."""
 
-EARLY_CLOSE = -0.5
-GRASP = 5.0
+    box_half_extents: tuple[float, float, float] = (0.05, 0.015, 0.025)  # the short side is y
+    box_mass: float = 0.2
+    table_half_extents: tuple[float, float] = (0.3, 0.5)  # along base x and y
+    table_gap: float = 0.1  # from the nearest object start to the table's near edge
+    base_yaw: float = math.pi / 2
+    box_yaw: float = 0.1  # either way
+    tilt_low: float = 0.5  # by which a starting hand points forward of straight down
+    tilt_high: float = 0.85
+    roll: float = 0.3  # either way about the hand's own x axis
+    closing_slack: float = 0.02  # at most so much wider than the box is the gripper at a start inside stage 4
+    closing_margin: float = 0.1  # share of that slack by which it is wider at least
+    bounds_margin: float = 0.1  # beyond where starts lie, in the bounds of what is observed
+    bounds_rise: float = 0.3  # of the box above the table, there
+    hover: float = 0.15  # above the box centre: where stage 1 ends
+    grasp_height: float = 0.012  # above the box centre: where stage 3 ends; no fingertip meets the table
+    tolerance_xy: float = 0.02  # each world axis
+    tolerance_hover: float = 0.02
+    tolerance_ori: float = 0.10  # between the approach axis and straight down
+    tolerance_grasp: float = 0.012
+    early_close: float = -0.5  # reward
+    grasp: float = 5.0  # reward
+    expert_gain: float = 0.5  # share of an error that the expert removes in a control step
+
+
+C = Constants()
 
 ACTIONS = ("armx", "army", "armz", "armrx", "armry", "armrz", "grip")
 N_STAGES = 4
@@ -61,15 +75,14 @@ TERMS = (
 # By stage and term, 0 where the term is not active. An argument of the compiled functions: those are cached on disk by
 # this file's date, so that constants from elsewhere must not be baked into them.
 SCALE = active_terms(TERMS, N_STAGES) * np.array(
-    [*[DISTANCE_SCALE] * 3, ANGLE_SCALE, DISTANCE_SCALE, 1.0, -COLLISION, -COLLISION, STAGE_BONUS]
+    [*[SCALES.distance] * 3, SCALES.angle, SCALES.distance, 1.0, *[-SCALES.collision] * 2, SCALES.stage_bonus]
 )
 STATE_NAMES = (
     *("pencil_box_x", "pencil_box_y", "pencil_box_z", "eefx", "eefy", "eefz", "target_eeflz"),
     *("ori1", "ori2", "ori3", "ori4", "target_ori1", "target_ori2", "target_ori3", "target_ori4"),
 )
 
-BASE_YAW = math.pi / 2
-BASE_QUATERNION = np.array([math.cos(BASE_YAW / 2), 0.0, 0.0, math.sin(BASE_YAW / 2)])
+BASE_QUATERNION = np.array([math.cos(C.base_yaw / 2), 0.0, 0.0, math.sin(C.base_yaw / 2)])
 FACE_DOWN = rotations.FACE_DOWN
 """Target posture in the base frame."""
 STATE_TEMPLATE = np.concatenate([np.zeros(11), FACE_DOWN])
@@ -94,43 +107,44 @@ def draw_layout(rng: np.random.Generator, workspace: Workspace, max_opening: flo
     unit = rng.random(10)
     spread = 2.0 * unit - 1.0
     low, high = np.array(workspace.object_low), np.array(workspace.object_high)
-    box = np.append(low + unit[:2] * (high - low), workspace.table_height + BOX_HALF_EXTENTS[2])
+    box = np.append(low + unit[:2] * (high - low), workspace.table_height + C.box_half_extents[2])
     hand_low, hand_high = np.array(workspace.hand_low), np.array(workspace.hand_high)
     hand = hand_low + unit[3:6] * (hand_high - hand_low)
-    pitch, roll, opening = -(TILT_LOW + unit[6] * (TILT_HIGH - TILT_LOW)), ROLL * spread[7], max_opening
+    pitch, roll, opening = -(C.tilt_low + unit[6] * (C.tilt_high - C.tilt_low)), C.roll * spread[7], max_opening
     if stage >= 2:
-        hand = box + np.array([TOLERANCE_XY * spread[3], TOLERANCE_XY * spread[4], HOVER + TOLERANCE_HOVER * spread[5]])
+        x, y, z = C.tolerance_xy * spread[3], C.tolerance_xy * spread[4], C.hover + C.tolerance_hover * spread[5]
+        hand = box + np.array([x, y, z])
     if stage == 2:
-        pitch = -TILT_HIGH * unit[6]
+        pitch = -C.tilt_high * unit[6]
     if stage >= 3:
-        pitch, roll = TOLERANCE_ORI * spread[6] / math.sqrt(2), TOLERANCE_ORI * spread[7] / math.sqrt(2)
-        lowest = GRASP_HEIGHT + TOLERANCE_GRASP
-        hand[2] = box[2] + lowest + unit[5] * (HOVER + TOLERANCE_HOVER - lowest)
+        pitch, roll = C.tolerance_ori * spread[6] / math.sqrt(2), C.tolerance_ori * spread[7] / math.sqrt(2)
+        lowest = C.grasp_height + C.tolerance_grasp
+        hand[2] = box[2] + lowest + unit[5] * (C.hover + C.tolerance_hover - lowest)
     if stage == 4:
         # Part-way through closing, the box between the pads: from wide open, random actions leave the stage long
         # before the pads meet the box, and the grasp could not be tested at all.
-        slack = CLOSING_SLACK * unit[8]
-        width = 2 * (BOX_HALF_EXTENTS[1] + BOX_HALF_EXTENTS[0] * BOX_YAW * abs(spread[2]))
-        opening = width + 0.1 * CLOSING_SLACK + slack
+        slack = C.closing_slack * unit[8]
+        width = 2 * (C.box_half_extents[1] + C.box_half_extents[0] * C.box_yaw * abs(spread[2]))
+        opening = width + C.closing_margin * C.closing_slack + slack
         hand[1] = box[1] + spread[4] * slack / 2
-        hand[2] = box[2] + GRASP_HEIGHT + TOLERANCE_GRASP * spread[5]
+        hand[2] = box[2] + C.grasp_height + C.tolerance_grasp * spread[5]
     posture = rotations.multiply(
         rotations.multiply(FACE_DOWN, rotations.from_axis_angle(1, pitch)), rotations.from_axis_angle(0, roll)
     )
     table_height = workspace.table_height
-    table = np.array([workspace.object_low[0] - TABLE_GAP + TABLE_HALF_EXTENTS[0], 0.0, table_height / 2])
+    table = np.array([workspace.object_low[0] - C.table_gap + C.table_half_extents[0], 0.0, table_height / 2])
     return Layout(
         fixtures=(
-            Box("table", np.array([*TABLE_HALF_EXTENTS, table_height / 2]), _to_world(table), BASE_QUATERNION.copy()),
+            Box("table", np.array([*C.table_half_extents, table_height / 2]), _to_world(table), BASE_QUATERNION.copy()),
         ),
         target=Box(
             "pencil_box",
-            np.array(BOX_HALF_EXTENTS),
+            np.array(C.box_half_extents),
             _to_world(box),
-            rotations.canonical(rotations.from_axis_angle(2, BASE_YAW + BOX_YAW * spread[2])),
+            rotations.canonical(rotations.from_axis_angle(2, C.base_yaw + C.box_yaw * spread[2])),
         ),
-        target_mass=BOX_MASS,
-        base_pose=np.array([0.0, 0.0, BASE_YAW]),
+        target_mass=C.box_mass,
+        base_pose=np.array([0.0, 0.0, C.base_yaw]),
         eef_position=_to_world(hand),
         eef_quaternion=rotations.canonical(rotations.multiply(BASE_QUATERNION, posture)),
         gripper_opening=float(min(opening, max_opening)),
@@ -143,14 +157,15 @@ def _to_world(point: Array) -> Array:
 
 def state_bounds(workspace: Workspace) -> tuple[Array, Array]:
     """(low, high), each (15,): where the state variables normally lie, for scaling and for the observation space."""
-    margin, table = 0.1, workspace.table_height
-    box_low, box_high = np.array([*workspace.object_low, table]), np.array([*workspace.object_high, table + 0.3])
+    margin, table = C.bounds_margin, workspace.table_height
+    box_low = np.array([*workspace.object_low, table])
+    box_high = np.array([*workspace.object_high, table + C.bounds_rise])
     hand_low = np.minimum([*workspace.hand_low[:2], table], box_low)
-    hand_high = np.maximum(workspace.hand_high, [*workspace.object_high, table + HOVER])
+    hand_high = np.maximum(workspace.hand_high, [*workspace.object_high, table + C.hover])
     side = np.array([margin, margin, 0.0])
     top = np.array([margin, margin, margin])
     low = [*(box_low - side), *(hand_low - side), table, *[-1.0] * 8]
-    high = [*(box_high + side), *(hand_high + top), table + 0.3 + HOVER, *[1.0] * 8]
+    high = [*(box_high + side), *(hand_high + top), table + C.bounds_rise + C.hover, *[1.0] * 8]
     return np.array(low), np.array(high)
 
 
@@ -168,7 +183,7 @@ def _observe(hand: Array, posture: Array, box: Array, base: Array, template: Arr
         out[column] = cos * x + sin * y
         out[column + 1] = cos * y - sin * x
         out[column + 2] = point[2]
-    out[6] = box[2] + HOVER
+    out[6] = box[2] + C.hover
     kernels.unturned(base[2], posture, out[7:11])
     if out[9] < 0.0:  # the sign that is nearest to the target: with w >= 0 the posture would jump at the target itself
         out[7:11] *= -1.0
@@ -198,11 +213,11 @@ def stage(facts: Facts) -> NDArray[np.int64]:
 def _stage(hand: Array, posture: Array, box: Array, out: Array) -> None:
     x, y, z = hand[0] - box[0], hand[1] - box[1], hand[2] - box[2]
     out[0] = 1
-    if abs(x) < TOLERANCE_XY and abs(y) < TOLERANCE_XY:
-        if abs(z - HOVER) < TOLERANCE_HOVER:
+    if abs(x) < C.tolerance_xy and abs(y) < C.tolerance_xy:
+        if abs(z - C.hover) < C.tolerance_hover:
             out[0] = 2
-        if _angle(posture) < TOLERANCE_ORI and GRASP_HEIGHT - TOLERANCE_GRASP < z < HOVER + TOLERANCE_HOVER:
-            out[0] = 4 if abs(z - GRASP_HEIGHT) < TOLERANCE_GRASP else 3
+        if _angle(posture) < C.tolerance_ori and C.grasp_height - C.tolerance_grasp < z < C.hover + C.tolerance_hover:
+            out[0] = 4 if abs(z - C.grasp_height) < C.tolerance_grasp else 3
 
 
 def success(stage: NDArray[np.int64], now: Facts) -> NDArray[np.bool_]:
@@ -243,10 +258,10 @@ def _rewards(
     height, next_height = hand[2] - box[2], next_hand[2] - next_box[2]
     out[0] = abs(hand[0] - box[0]) - abs(next_hand[0] - next_box[0])
     out[1] = abs(hand[1] - box[1]) - abs(next_hand[1] - next_box[1])
-    out[2] = abs(height - HOVER) - abs(next_height - HOVER)
+    out[2] = abs(height - C.hover) - abs(next_height - C.hover)
     out[3] = _angle(posture) - _angle(next_posture)
-    out[4] = abs(height - GRASP_HEIGHT) - abs(next_height - GRASP_HEIGHT)
-    out[5] = GRASP if done else EARLY_CLOSE if stage < 4 and action[6] > 0.0 else 0.0
+    out[4] = abs(height - C.grasp_height) - abs(next_height - C.grasp_height)
+    out[5] = C.grasp if done else C.early_close if stage < 4 and action[6] > 0.0 else 0.0
     out[6] = -1.0 if collision_arm else 0.0
     out[7] = -1.0 if collision_self else 0.0
     out[8] = 1.0 if next_stage > stage or done else 0.0
@@ -258,11 +273,11 @@ def expert(facts: Facts, spec: SceneSpec, layout: Layout | Sequence[Layout] | No
     """Scripted macro action (..., 7): proportional control of what the stage asks for and nothing else."""
     del layout  # nothing is in the way
     speed = dict(zip(spec.actions, spec.action_speed, strict=True))
-    gain = 0.5 / spec.control_dt
+    gain = C.expert_gain / spec.control_dt
     u = stage(facts)
     yaw = facts.base_pose[..., 2]
     error = facts.object_position - facts.eef_position
-    goal_z = error[..., 2] + np.where(u >= 3, GRASP_HEIGHT, HOVER)
+    goal_z = error[..., 2] + np.where(u >= 3, C.grasp_height, C.hover)
     out = np.zeros((*error.shape[:-1], 7))
     moving, turning = u == 1, u == 2
     out[..., 0] = moving * (np.cos(yaw) * error[..., 0] + np.sin(yaw) * error[..., 1]) * gain / speed["armx"]
@@ -287,7 +302,7 @@ TASK = Task(
     terms=TERMS,
     state_names=STATE_NAMES,
     horizon=HORIZON,
-    constants=named_constants(globals()),
+    constants=by_name(C) | {"reward_scales": by_name(SCALES), "lift_and_hold": by_name(lifting.C)},
     manual_graph=MANUAL_GRAPH,
     draw_layout=draw_layout,
     state_bounds=state_bounds,
@@ -296,5 +311,7 @@ TASK = Task(
     rewards=rewards,
     success=success,
     expert=expert,
-    sensor="rgb",
+    paper_sensor="rgb",
+    observes=frozenset({"gripper"}),
+    after_success=lifting.lift_and_hold,
 )

@@ -8,17 +8,17 @@ from itertools import product
 from causalbench.core.tasks import pure_manipulation as task
 from causalbench.core.world.reach import ReachDemands
 
-_SLANT = task.TOLERANCE_ORI / math.sqrt(2)
-_TILTED = tuple(product((task.TILT_LOW, 0.675, task.TILT_HIGH), (-task.ROLL, 0.0, task.ROLL)))
+_SLANT = task.C.tolerance_ori / math.sqrt(2)
+_TILTED = tuple(product((task.C.tilt_low, 0.675, task.C.tilt_high), (-task.C.roll, 0.0, task.C.roll)))
 _FACE_DOWN = tuple(product((-_SLANT, 0.0, _SLANT), (-_SLANT, 0.0, _SLANT)))
 
 PURE_MANIPULATION = ReachDemands(
-    rise=task.BOX_HALF_EXTENTS[2],
-    offset=task.TOLERANCE_XY,
+    rise=task.C.box_half_extents[2],
+    offset=task.C.tolerance_xy,
     poses=(
-        (task.HOVER - task.TOLERANCE_HOVER, _TILTED + _FACE_DOWN),
-        (task.HOVER + task.TOLERANCE_HOVER, _TILTED + _FACE_DOWN),
-        (task.GRASP_HEIGHT, _FACE_DOWN),
+        (task.C.hover - task.C.tolerance_hover, _TILTED + _FACE_DOWN),
+        (task.C.hover + task.C.tolerance_hover, _TILTED + _FACE_DOWN),
+        (task.C.grasp_height, _FACE_DOWN),
     ),
     tilts=_TILTED,
     draw_start=lambda rng, workspace, max_opening: task.draw_layout(rng, workspace, max_opening, 1),

@@ -2,8 +2,17 @@
 
 from __future__ import annotations
 
-DISTANCE_SCALE = 10.0  # reward per metre (lambda of the paper, Reward Setting)
-ANGLE_SCALE = 2.0  # reward per radian
-STAGE_BONUS = 2.0
-COLLISION = -0.5
+from typing import NamedTuple
+
+
+class RewardScales(NamedTuple):
+    """What a metre, a radian and an event are worth in the reward terms of all tasks."""
+
+    distance: float = 10.0  # per metre (lambda of the paper, Reward Setting)
+    angle: float = 2.0  # per radian
+    stage_bonus: float = 2.0
+    collision: float = -0.5
+
+
+SCALES = RewardScales()
 HORIZON = 200  # control steps

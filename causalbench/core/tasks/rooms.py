@@ -61,6 +61,15 @@ PLANS: tuple[dict[str, tuple[float, float, float]], ...] = (
 N_PLANS = len(PLANS)
 
 CELL = 0.1  # m, side of a cell of the ground
+CONSTANTS = {
+    "room_half_extents": ROOM_HALF_EXTENTS,
+    "wall_half_height": WALL_HALF_HEIGHT,
+    "wall_half_thickness": WALL_HALF_THICKNESS,
+    "furniture": FURNITURE,
+    "plans": PLANS,
+    "cell": CELL,
+}
+"""Every number of the rooms, part of the identity of tasks that play in them."""
 WAYS_KEPT = 64  # goals whose distances are remembered, for as many worlds as are usually stepped together
 _HALF_DIAGONAL = CELL / math.sqrt(2)
 _NEIGHBOURS = tuple((i, j, CELL * math.hypot(i, j)) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j)

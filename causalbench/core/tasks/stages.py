@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core.tasks.task import Task, Term
+from causalbench.core.tasks.stage_task import Term
+from causalbench.core.tasks.task import Task
 from causalbench.core.world.facts import Facts
 
 Array = NDArray[np.float64]

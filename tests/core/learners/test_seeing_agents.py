@@ -197,7 +197,7 @@ def test_it_trains_is_killed_and_continues_and_its_policy_is_read_back(
     obs, _ = env.reset(seed=0)
     action, _ = again.predict(obs)
     np.testing.assert_array_equal(action, policy.predict(obs)[0])
-    sensor = task.sensor
+    sensor = task.paper_sensor
     changed, _ = again.predict(obs | {sensor: np.flip(obs[sensor], 0).copy()})
     assert not np.array_equal(action, changed)
 

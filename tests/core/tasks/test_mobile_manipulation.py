@@ -184,7 +184,7 @@ def test_draws_take_the_same_numbers_whatever_the_stage():
 
 def test_a_robot_that_does_not_drive_is_refused():
     standing = dataclasses.replace(installed().backend("kinematic"), mobile_capabilities=frozenset())
-    with pytest.raises(UserError, match="cannot run task 'mobile_manipulation': its robot does not drive"):
+    with pytest.raises(UserError, match="cannot run task 'mobile_manipulation': it lacks lidar, mobile_base"):
         scene_maker(standing, task.TASK)
 
 

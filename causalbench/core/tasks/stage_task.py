@@ -1,0 +1,94 @@
+"""What learners, discovery and tables know of a staged task: names, numbers and the human's causal graph."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from causalbench.errors import UserError
+
+CausalSets = Mapping[int, Mapping[str, frozenset[str]]]
+"""stage (1-based) -> reward term -> the actions that cause it."""
+Sensor = Literal["", "rgb", "lidar"]
+
+
+def causal_sets(rows: Mapping[int, Mapping[str, str]]) -> CausalSets:
+    """stage -> term -> actions in one string."""
+    return {stage: {term: frozenset(actions.split()) for term, actions in row.items()} for stage, row in rows.items()}
+
+
+def by_name(record: Any) -> dict[str, Any]:
+    """The fields of a named tuple by name, those of named tuples within it likewise: data for `StageTask.constants`."""
+    fields: dict[str, Any] = record._asdict()
+    return {name: by_name(value) if hasattr(value, "_asdict") else value for name, value in fields.items()}
+
+
+@dataclass(frozen=True)
+class Term:
+    """One named reward term: the stages it belongs to (1-based) and whether causal discovery may use it.
+
+    A term that discovery may not use (collisions, the stage bonus) gets an all-ones column in training
+    (paper, Reward Setting and section Mobile Manipulation Task).
+    """
+
+    name: str
+    stages: tuple[int, ...]
+    discoverable: bool
+    description: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class StageTask:
+    """A staged task as data, whatever it is played in. Stages are numbered from 1, as in the paper.
+
+    - `constants`: every number that can change a result, by name, of any type that JSON has; tuples are lists to it;
+    - `state_names`: the variables that policies observe;
+    - `horizon`: control steps of an episode;
+    - `manual_graph`: the human's causal graph; may be empty or name some stages and terms only;
+    - `paper_sensor`: what the paper's agents observe beside the state, a capability of the world; "" for nothing.
+
+    Raises `UserError` for a name or a stage that does not exist.
+    """
+
+    name: str
+    version: int
+    env_id: str
+    n_stages: int
+    actions: tuple[str, ...]
+    terms: tuple[Term, ...]
+    state_names: tuple[str, ...]
+    horizon: int
+    constants: Mapping[str, Any]
+    manual_graph: CausalSets
+    paper_sensor: Sensor = ""
+
+    def __post_init__(self) -> None:
+        for kind, names in (("actions", self.actions), ("terms", self.term_names), ("state_names", self.state_names)):
+            if not names or len(set(names)) < len(names):
+                raise UserError(f"task {self.name!r}: {kind}: expected at least one name, each once, got {names}")
+        for term in self.terms:
+            if not term.stages or not set(term.stages) <= {*range(1, self.n_stages + 1)}:
+                raise UserError(f"task {self.name!r}: term {term.name!r}: stages {term.stages} of 1 to {self.n_stages}")
+        for stage, row in self.manual_graph.items():
+            unknown = {*row} - {*self.stage_terms(stage)} | {*frozenset().union(*row.values())} - {*self.actions}
+            if unknown:
+                raise UserError(f"task {self.name!r}: manual_graph: stage {stage} has no {', '.join(sorted(unknown))}")
+
+    def sensor_in(self, observation: str) -> Sensor:
+        """The sensor that "state" or "paper" observes beside the state; "" for none."""
+        return self.paper_sensor if observation == "paper" else ""
+
+    @property
+    def term_names(self) -> tuple[str, ...]:
+        """Names of the reward terms in vector order."""
+        return tuple(term.name for term in self.terms)
+
+    @property
+    def input_names(self) -> tuple[str, ...]:
+        """Names of all that a model of the rewards sees of a state: see `Worlds.states`."""
+        return self.state_names
+
+    def stage_terms(self, stage: int, discoverable_only: bool = False) -> tuple[str, ...]:
+        """Names of the terms of `stage` (1-based) in vector order."""
+        return tuple(t.name for t in self.terms if stage in t.stages and (t.discoverable or not discoverable_only))
