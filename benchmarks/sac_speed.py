@@ -2,7 +2,8 @@
 
 Same networks, batch size, update ratio and losses, one thread each, turns A B A B; figures are medians of processor
 time. The causal rows are the agents of cmmSAC, averaged over their four stages, with one critic per distinct matrix row
-as networks of their own ("rows") and as heads of one network ("heads"). The peak is a 512 x 512 x 512 product's.
+as networks of their own ("rows") and as heads of one network ("heads"). Each has both engines, gradients written out
+and by autograd. The peak is a 512 x 512 x 512 product's.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import statistics
 from collections.abc import Callable
 from functools import partial
 from itertools import pairwise
+from typing import Literal
 
 import gymnasium as gym
 import numpy as np
@@ -29,6 +31,8 @@ from causalbench.core.tasks.pure_manipulation import TASK
 N_OBS, SAMPLES, TURNS = 16, 10_000, 7
 SIDE = 512  # of the matrices that show the core's peak
 CAUSAL: tuple[Critics, ...] = ("rows", "heads")
+Engine = Literal["fused", "autograd"]
+ENGINES: tuple[Engine, ...] = ("fused", "autograd")
 SETTINGS = (((64, 64), 256, 60), ((256, 256), 256, 20), ((512, 512), 512, 6))  # networks, batch, updates a turn
 
 
@@ -56,12 +60,19 @@ def sb3(net_arch: tuple[int, ...], batch_size: int) -> Callable[[int], None]:
 
 
 def ours(
-    name: str, stage: int, net_arch: tuple[int, ...], batch_size: int, critics: Critics = "rows"
+    name: str,
+    stage: int,
+    net_arch: tuple[int, ...],
+    batch_size: int,
+    critics: Critics = "rows",
+    engine: Engine = "fused",
 ) -> Callable[[int], None]:
     """One stage's agent of a method with a full buffer; a function that does n updates."""
     method = next(m for m in METHODS if m.name == name)
     graph = manual_graph(TASK) if method.matrix == "manual" else None
-    settings = SACSettings(net_arch=net_arch, batch_size=batch_size, buffer_size=SAMPLES, critics=critics)
+    settings = SACSettings(
+        net_arch=net_arch, batch_size=batch_size, buffer_size=SAMPLES, critics=critics, engine=engine
+    )
     agent = SACAgent(stage_plan(TASK, method, graph, stage, critics), N_OBS, settings, seed=0)
     generator = torch.Generator().manual_seed(0)
     for store in agent.buffer.data:
@@ -98,21 +109,27 @@ def main() -> None:
     torch.set_num_threads(1)
     for net_arch, batch_size, updates in SETTINGS:
         size = (net_arch, batch_size)
-        rivals = {"SB3 SAC": sb3(*size), "mSAC": ours("mSAC", 1, *size)}
-        for critics in CAUSAL:
-            rivals |= {f"{critics} {i}": ours("cmmSAC", i, *size, critics) for i in (1, 2, 3, 4)}
+        rivals = {"SB3 SAC": sb3(*size)}
+        for engine in ENGINES:
+            rivals[f"mSAC {engine}"] = ours("mSAC", 1, *size, engine=engine)
+            for critics in CAUSAL:
+                rivals |= {f"{critics} {engine} {i}": ours("cmmSAC", i, *size, critics, engine) for i in (1, 2, 3, 4)}
         work: dict[str, Callable[[], object]] = {name: partial(train, updates) for name, train in rivals.items()}
         work["product"] = partial(multiply, updates)
         medians = seconds_per_update(work, updates, TURNS)
         stock = medians["SB3 SAC"]
         peak = 2 * SIDE**3 / medians["product"]
-        share = operations(*size) / medians["mSAC"] / peak
-        print(f"networks {net_arch}, batch {batch_size}: SB3's SAC {1 / stock:.0f} updates/s")
-        print(f"  mSAC, identical maths       {stock / medians['mSAC']:.2f} of SB3's rate", end="")
-        print(f"; {share:.0%} of one core's {peak / 1e9:.0f} GFLOP/s")
-        for critics in CAUSAL:
-            causal = statistics.mean(value for name, value in medians.items() if name.startswith(critics))
-            print(f"  cmmSAC {critics}, mean of stages {stock / causal:.2f}")
+        share = operations(*size) / medians["mSAC fused"] / peak
+        print(f"networks {net_arch}, batch {batch_size}: SB3's SAC {1 / stock:.0f} updates/s; shares of its rate")
+        for row in ("mSAC", *CAUSAL):
+            means = [
+                statistics.mean(v for name, v in medians.items() if name.startswith(f"{row} {e}")) for e in ENGINES
+            ]
+            fused, autograd = means
+            label = "mSAC, identical maths" if row == "mSAC" else f"cmmSAC {row}, mean of stages"
+            print(f"  {label:30} fused {stock / fused:.2f}, autograd {stock / autograd:.2f}", end="; ")
+            print(f"fused is {autograd / fused:.2f} times as fast as autograd")
+        print(f"  mSAC fused reaches {share:.0%} of one core's {peak / 1e9:.0f} GFLOP/s")
 
 
 if __name__ == "__main__":

@@ -15,14 +15,14 @@ from safetensors.torch import load_file, save_file
 from torch import Tensor
 
 from causalbench.core.networks.encoder import Encoder
-from causalbench.core.networks.gaussian import gaussian_actor_forward
-from causalbench.core.networks.squashed_gaussian import actor_forward, squashed_sample
+from causalbench.core.networks.gaussian import gaussian_actor
+from causalbench.core.networks.squashed_gaussian import squashed_actor, squashed_sample
 from causalbench.errors import UserError
 
 SCHEMA = 2
 
 Distribution = Literal["squashed", "gaussian"]
-"""What an actor's tensors mean: SAC's squashed Gaussian (`networks`) or PPO's clipped one (`gaussian_networks`)."""
+"""What an actor's tensors mean: SAC's squashed Gaussian or PPO's clipped one."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ class StagedPolicy:
 
     @torch.no_grad()
     def _act(self, actor: list[Tensor], obs: Tensor, deterministic: bool) -> Tensor:
-        forward = actor_forward if self.distribution == "squashed" else gaussian_actor_forward
+        forward = squashed_actor if self.distribution == "squashed" else gaussian_actor
         mean, log_std = (x.cpu() for x in forward(*self.encoder(actor, obs.to(actor[0].device))))
         noise = torch.zeros_like(mean) if deterministic else torch.randn(mean.shape, generator=self.generator)
         if self.distribution == "squashed":

@@ -2,67 +2,56 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import torch
 from torch import Tensor
 
 from causalbench.core.networks.encoder import Encoder, device_for
-from causalbench.core.networks.stacked import Activation, StackedMLP
-from causalbench.core.networks.state import State, load_tensors, tensor_state
+from causalbench.core.networks.stacked import Activation, Pass, StackedMLP
 
 
-class SeeingMLP:
-    """See `StackedMLP`; `weights` begin with the encoder's, with a leading dimension 1.
+class EncodedMLP(StackedMLP):
+    """A `StackedMLP` whose `weights` begin with the encoder's, which have a leading dimension 1.
 
-    Inputs (batch, n_obs + more) hold what the sensor says in the columns before `n_obs`. `forward` gives them as a
-    first layer, so that `backward` can leave the convolutions to autograd. Those run on a graphics card if torch sees
-    one.
+    The last numbers of an observation are what the sensor says; its features take their place. The convolutions run
+    on a graphics card if torch sees one, and their gradients are always autograd's.
     """
 
-    def __init__(self, encoder: Encoder, weights: list[Tensor], n_obs: int, activation: Activation) -> None:
-        self.encoder, self.device = encoder, device_for(encoder.name)
-        self._first, self._last = n_obs - encoder.n_sensed, n_obs
-        self._mlp, n = StackedMLP(weights, activation), encoder.n_weights
-        self.flat, self.weights, self.gradients = self._mlp.flat, self._mlp.weights, self._mlp.gradients
-        self._mlp.weights, self._mlp.gradients = self.weights[n:], self.gradients[n:]
+    def __init__(self, encoder: Encoder, weights: Sequence[Tensor], activation: Activation) -> None:
+        super().__init__(weights, activation)
+        self.encoder, self.device, self.n_encoder = encoder, device_for(encoder.name), encoder.n_weights
+        self._n_features = encoder.n_features
 
-    def forward(self, inputs: Tensor) -> list[Tensor]:
-        """The inputs, and then as `StackedMLP.forward`."""
-        features = self._encode([w[0] for w in self.weights[: self.encoder.n_weights]], inputs).cpu()
-        seen = torch.cat([inputs[:, : self._first], features, inputs[:, self._last :]], 1)
-        layers = self._mlp.forward(seen)
-        return [inputs.expand(len(layers[0]), -1, -1), *layers]
+    def features(self, obs: Tensor) -> Tensor:
+        """(batch, n_state + n_features) of observations (batch, n_state + n_sensed)."""
+        state, sensed = self._split(obs)
+        return torch.cat([state, self._encode(self._kernels(), sensed).cpu()], 1)
 
-    def _encode(self, weights: list[Tensor], inputs: Tensor) -> Tensor:
-        sensed = inputs[:, self._first : self._last].to(self.device)
-        return self.encoder.encode([w.to(self.device) for w in weights], sensed)
-
-    def backward(self, layers: list[Tensor], gradient: Tensor) -> None:
+    def backward(self, passed: Pass, by_outputs: Tensor) -> Tensor:
         """As `StackedMLP.backward`, and through the encoder."""
-        by_first = self._mlp.backward(layers[1:], gradient)
-        features = slice(self._first, self._first + self.encoder.n_features)
-        by_features = torch.bmm(by_first, self._mlp.weights[0][:, features].mT).sum(0)
-        kernels = [w[0].detach().clone().requires_grad_() for w in self.weights[: self.encoder.n_weights]]
-        found = torch.autograd.grad(self._encode(kernels, layers[0][0]), kernels, by_features.to(self.device))
+        by_first = super().backward(passed, by_outputs)
+        state, sensed = self._split(passed.observed)
+        features = slice(state.shape[1], state.shape[1] + self._n_features)
+        by_features = torch.bmm(by_first, self.weights[self.n_encoder][:, features].mT).sum(0)
+        kernels = [w.clone().requires_grad_() for w in self._kernels()]
+        found = torch.autograd.grad(self._encode(kernels, sensed), kernels, by_features.to(self.device))
         for own, by_weight in zip(self.gradients, found, strict=False):
             own[0] = by_weight
+        return by_first
 
-    def input_gradient(self, layers: list[Tensor], net: int, rows: Tensor, outputs: Tensor, first: int) -> Tensor:
-        """As `StackedMLP.input_gradient`; `first` counts the inputs of `forward`."""
-        behind = first - self.encoder.n_sensed + self.encoder.n_features
-        return self._mlp.input_gradient(layers[1:], net, rows, outputs, behind)
+    def _kernels(self) -> list[Tensor]:
+        return [w[0] for w in self.weights[: self.n_encoder]]
 
-    def state(self) -> State:
-        """The weights."""
-        return tensor_state(self.weights)
+    def _split(self, obs: Tensor) -> tuple[Tensor, Tensor]:
+        """State and sensed part of observations."""
+        n_state = obs.shape[1] - self.encoder.n_sensed
+        return obs[:, :n_state], obs[:, n_state:]
 
-    def load_state(self, state: State) -> None:
-        """Overwrite the weights in place."""
-        load_tensors(self.weights, state)
-
-
-Network = StackedMLP | SeeingMLP
+    def _encode(self, kernels: list[Tensor], sensed: Tensor) -> Tensor:
+        return self.encoder.encode([w.to(self.device) for w in kernels], sensed.to(self.device))
 
 
-def network(encoder: Encoder, weights: list[Tensor], n_obs: int, activation: Activation) -> Network:
+def network(encoder: Encoder, weights: Sequence[Tensor], activation: Activation) -> StackedMLP:
     """MLPs with `weights`, which begin with those of `encoder` if it has any."""
-    return SeeingMLP(encoder, weights, n_obs, activation) if encoder.sensor else StackedMLP(weights, activation)
+    return EncodedMLP(encoder, weights, activation) if encoder.sensor else StackedMLP(weights, activation)

@@ -15,6 +15,8 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
+from causalbench.core.networks.init import uniform_layer
+
 
 @dataclass(frozen=True)
 class Conv:
@@ -115,9 +117,8 @@ class Encoder:
             return weights
         channels = (self.sensor.shape[-1], *(layer.n for layer in self._convolutions))
         for layer, (before, after) in zip(self._convolutions, pairwise(channels), strict=True):
-            bound = 1 / math.sqrt(before * math.prod(layer.kernel))
-            for shape in ((after, before, *layer.kernel), (after,)):
-                weights.append((torch.rand(*leading, *shape, generator=generator) * 2 - 1) * bound)
+            kernel, bias = (*leading, after, before, *layer.kernel), (*leading, after)
+            weights += uniform_layer(kernel, bias, before * math.prod(layer.kernel), generator)
         return weights
 
     def __call__(self, weights: list[Tensor], inputs: Tensor) -> tuple[list[Tensor], Tensor]:

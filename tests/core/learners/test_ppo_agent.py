@@ -6,43 +6,37 @@ import gymnasium as gym
 import numpy as np
 import pytest
 import torch
+from agents import MATRIX, plan
 from stable_baselines3 import PPO
 from stable_baselines3.common.buffers import RolloutBuffer
 from stable_baselines3.common.logger import configure
 
-from causalbench.core.learners.causal_gradient import StagePlan
-from causalbench.core.learners.ppo.agent import PPOAgent, Samples
+from causalbench.core.learners.ppo import losses
+from causalbench.core.learners.ppo.agent import PPOAgent
+from causalbench.core.learners.ppo.networks import Samples
 from causalbench.core.learners.ppo.rollout import Steps, gae
-from causalbench.core.learners.ppo.settings import PPOSettings
-from causalbench.core.learners.settings import PRESETS
-from causalbench.core.networks.gaussian import gaussian_actor_forward, gaussian_log_prob, tanh_mlp
+from causalbench.core.learners.ppo.settings import PRESETS, PPOSettings
+from causalbench.core.networks.gaussian import gaussian_actor, gaussian_log_prob
+from causalbench.core.networks.stacked import mlp
 from causalbench.errors import DivergedError
 
 N_OBS, N = 5, 96
 SMALL = PPOSettings(net_arch=(16, 16), batch_size=32, n_epochs=3, learning_rate=3e-3, ent_coef=0.01, target_kl=0.05)
-MATRIX = [[1, 0, 1], [0, 1, 1], [1, 1, 0]]
+ENGINES = pytest.mark.parametrize("engine", ["fused", "autograd"])
 
 
-def _plan(mask) -> StagePlan:
-    mask = np.array(mask, dtype=bool)
-    n_critics = mask.shape[1]
-    return StagePlan(
-        np.arange(len(mask)), np.eye(n_critics, dtype=bool), mask, np.ones(n_critics, dtype=bool), joint_twin=False
-    )
-
-
-def _agent(mask, settings=SMALL, seed=3) -> PPOAgent:
+def _agent(mask, settings=SMALL, **changes) -> PPOAgent:
     """With a policy that depends on the state: the initial one hardly does."""
-    agent = PPOAgent(_plan(mask), N_OBS, settings, seed)
-    agent.mean.weights[-2].mul_(50)
+    agent = PPOAgent(plan(mask), N_OBS, dataclasses.replace(settings, **changes), seed=3)
+    agent.networks.mean.weights[-2].mul_(50)
     return agent
 
 
 def _samples(agent: PPOAgent, seed: int = 0) -> Samples:
     g = torch.Generator().manual_seed(seed)
-    n_critics = len(agent.mask)
+    n_critics = len(agent.networks.mask)
     obs = torch.randn(N, N_OBS, generator=g)
-    mean, log_std = gaussian_actor_forward(agent.policy_weights, obs)
+    mean, log_std = gaussian_actor(agent.policy_weights, obs)
     actions = mean + log_std.exp() * torch.randn(mean.shape, generator=g)
     log_prob = gaussian_log_prob(mean, log_std, actions)
     return Samples(
@@ -69,13 +63,13 @@ def _sb3_layers(model: PPO) -> list[torch.nn.Linear]:
 
 
 def _our_layers(agent: PPOAgent) -> list[tuple[torch.Tensor, torch.Tensor]]:
-    weights = [w[0] for w in (*agent.mean.weights, *agent.values.weights)]
+    weights = [w[0] for w in (*agent.networks.mean.weights, *agent.networks.values.weights)]
     return list(zip(weights[::2], weights[1::2], strict=True))
 
 
 def _sb3_like(agent: PPOAgent, samples: Samples, **changes) -> PPO:
     """An SB3 PPO with the agent's settings and weights whose rollout holds `samples` of an agent with one critic."""
-    s, n_actions = agent.settings, agent.mask.shape[1]
+    s, n_actions = agent.settings, agent.networks.mask.shape[1]
     model = PPO(
         "MlpPolicy", _env(n_actions), n_steps=N, seed=0, device="cpu", batch_size=s.batch_size, n_epochs=s.n_epochs,
         learning_rate=s.learning_rate, gamma=s.gamma, gae_lambda=s.gae_lambda, clip_range=s.clip_range,
@@ -88,7 +82,7 @@ def _sb3_like(agent: PPOAgent, samples: Samples, **changes) -> PPO:
         for layer, (kernel, bias) in zip(_sb3_layers(model), _our_layers(agent), strict=True):
             layer.weight.copy_(kernel.T)
             layer.bias.copy_(bias)
-        model.policy.log_std.copy_(agent.log_std)
+        model.policy.log_std.copy_(agent.networks.log_std)
     buffer = model.rollout_buffer
     buffer.observations[:, 0], buffer.actions[:, 0] = samples.obs, samples.actions
     buffer.log_probs[:, 0] = samples.log_prob.sum(1)
@@ -101,13 +95,14 @@ def _assert_same_weights(agent: PPOAgent, model: PPO) -> None:
     for layer, (kernel, bias) in zip(_sb3_layers(model), _our_layers(agent), strict=True):
         torch.testing.assert_close(kernel, layer.weight.T, atol=1e-5, rtol=1e-5)
         torch.testing.assert_close(bias, layer.bias, atol=1e-5, rtol=1e-5)
-    torch.testing.assert_close(agent.log_std, model.policy.log_std, atol=1e-5, rtol=1e-5)
+    torch.testing.assert_close(agent.networks.log_std, model.policy.log_std, atol=1e-5, rtol=1e-5)
 
 
+@ENGINES
 @pytest.mark.parametrize("target_kl", [1e9, 2e-3], ids=["all passes", "stopped by KL"])
-def test_with_one_action_dimension_it_is_sb3s_ppo(monkeypatch, target_kl):
+def test_with_one_action_dimension_it_is_sb3s_ppo(engine, monkeypatch, target_kl):
     """Weights after whole passes with Adam: ratios, clipping, normaliser, entropy, gradient norm and KL stop agree."""
-    agent = _agent([[1]], dataclasses.replace(SMALL, target_kl=target_kl))
+    agent = _agent([[1]], target_kl=target_kl, engine=engine)
     samples = _samples(agent)
     model = _sb3_like(agent, samples)
     orders = [np.random.default_rng(s).permutation(N) for s in range(SMALL.n_epochs)]
@@ -122,18 +117,19 @@ def test_with_one_action_dimension_it_is_sb3s_ppo(monkeypatch, target_kl):
     _assert_same_weights(agent, model)
 
 
-def test_the_first_gradient_is_sb3s_in_any_number_of_dimensions():
+@ENGINES
+def test_the_first_gradient_is_sb3s_in_any_number_of_dimensions(engine):
     """At ratio 1 the summed gradients of the per-dimension ratios are the joint one; SGD at rate 1 shows gradients."""
     settings = dataclasses.replace(SMALL, batch_size=N, n_epochs=1, max_grad_norm=1e9, learning_rate=1.0)
-    agent = _agent(np.ones((4, 1)), settings)
+    agent = _agent(np.ones((4, 1)), settings, engine=engine)
     samples = _samples(agent)
     model = _sb3_like(agent, samples, optimizer_class=torch.optim.SGD)
-    agent.optimizer = torch.optim.SGD(agent.weights, 1.0)
-    before = [w.detach().clone() for w in agent.weights]
+    agent.optimizer = torch.optim.SGD(agent.networks.blocks, 1.0)
+    before = [w.detach().clone() for w in agent.networks.blocks]
     agent.samples = samples
     agent.train()
     model.train()
-    assert all((w != old).any() for w, old in zip(agent.weights, before, strict=True))
+    assert all((w != old).any() for w, old in zip(agent.networks.blocks, before, strict=True))
     _assert_same_weights(agent, model)
 
 
@@ -176,8 +172,8 @@ def test_an_agents_own_episode_is_the_stretch_inside_its_stage():
     )  # fmt: skip
     agent.collect(steps, stage=1)
     gamma, lam = agent.settings.gamma, agent.settings.gae_lambda
-    weights = [w[0] for w in agent.values.weights]
-    values, reached = (tanh_mlp(weights, obs[:, 0]) for obs in (steps.obs, steps.next_obs))
+    weights = [w[0] for w in agent.networks.values.weights]
+    values, reached = (mlp(weights, obs[:, 0], "tanh") for obs in (steps.obs, steps.next_obs))
     expected = []
     for stretch, ends in (((0, 1), True), ((4, 5), False), ((6, 7), True), ((9,), False)):
         for start in stretch:
@@ -192,22 +188,16 @@ def test_an_agents_own_episode_is_the_stretch_inside_its_stage():
     torch.testing.assert_close(agent.samples.actions, steps.actions[own, 0])
 
 
-@pytest.fixture
-def double_precision():
-    torch.set_default_dtype(torch.float64)
-    yield
-    torch.set_default_dtype(torch.float32)
-
-
+@ENGINES
 @pytest.mark.usefixtures("double_precision")
-def test_factored_gradient_equals_finite_differences_of_the_masked_objective():
+def test_factored_gradient_equals_finite_differences_of_the_masked_objective(engine):
     """Central differences in float64 of sum_k E[min(r_k A_k, clip(r_k) A_k)], A_k from the terms that k causes."""
-    agent = _agent(MATRIX, dataclasses.replace(SMALL, ent_coef=0.0))
+    agent = _agent(MATRIX, ent_coef=0.0, engine=engine)
     samples = _samples(agent)
     samples = samples._replace(log_prob=samples.log_prob + 0.3 * torch.sin(torch.arange(3.0 * N)).view(N, 3))
 
     def log_ratio() -> torch.Tensor:
-        mean, log_std = gaussian_actor_forward(agent.policy_weights, samples.obs)
+        mean, log_std = gaussian_actor(agent.policy_weights, samples.obs)
         return gaussian_log_prob(mean, log_std, samples.actions) - samples.log_prob
 
     def objective() -> float:
@@ -224,10 +214,11 @@ def test_factored_gradient_equals_finite_differences_of_the_masked_objective():
         return total
 
     advantages = samples.advantages.numpy()
-    loss = agent.policy_gradient(samples, agent.mean.forward(samples.obs), log_ratio())
+    networks = agent.networks
+    loss = agent.engine.policy_gradient(networks, samples, agent.engine.judge(networks, samples))
     assert loss.item() == pytest.approx(-objective())
     step = 1e-6
-    for w, gradient in zip(agent.weights[:2], (agent.mean.flat.grad, agent.log_std.grad), strict=True):
+    for w, gradient in zip(networks.blocks[:2], (networks.mean.flat.grad, networks.log_std.grad), strict=True):
         for i in range(0, w.numel(), 17 if w.numel() > 17 else 1):
             numeric = 0.0
             for sign in (1, -1):
@@ -237,56 +228,33 @@ def test_factored_gradient_equals_finite_differences_of_the_masked_objective():
             assert gradient[i].item() == pytest.approx(numeric, rel=1e-4, abs=1e-6)
 
 
-@pytest.mark.usefixtures("double_precision")
-def test_written_out_gradients_are_autograds():
-    """Of both networks and the log std, entropy included, against the same losses recorded by autograd."""
-    agent = _agent(MATRIX)
+@ENGINES
+def test_an_action_that_causes_nothing_gets_no_gradient(engine):
+    agent = _agent([[1], [0], [1]], engine=engine)
     samples = _samples(agent)
-    samples = samples._replace(log_prob=samples.log_prob + 0.3 * torch.sin(torch.arange(3.0 * N)).view(N, 3))
-    layers = agent.mean.forward(samples.obs)
-    log_ratio = gaussian_log_prob(layers[-1][0], agent.log_std, samples.actions) - samples.log_prob
-    losses = agent.policy_gradient(samples, layers, log_ratio), agent.value_gradient(samples)
-    actor = [w.clone().requires_grad_() for w in agent.policy_weights]
-    critic = [w[0].clone().requires_grad_() for w in agent.values.weights]
-    mean, log_std = gaussian_actor_forward(actor, samples.obs)
-    ratio = (gaussian_log_prob(mean, log_std, samples.actions) - samples.log_prob).exp()
-    assert ((ratio < 0.8) | (ratio > 1.2)).any()
-    per_action = agent.normalise(samples.advantages @ agent.mask)
-    policy_loss = -torch.min(per_action * ratio, per_action * ratio.clamp(0.8, 1.2)).sum(1).mean()
-    value_loss = (tanh_mlp(critic, samples.obs) - samples.returns).pow(2).mean(0).sum()
-    for ours, theirs in zip(losses, (policy_loss, value_loss), strict=True):
-        torch.testing.assert_close(ours, theirs.detach())
-    loss = policy_loss - SMALL.ent_coef * torch.distributions.Normal(0, log_std.exp()).entropy().sum()
-    gradients = [*(w[0] for w in agent.mean.gradients), agent.log_std.grad]
-    for ours, theirs in zip(gradients, torch.autograd.grad(loss, actor), strict=True):
-        torch.testing.assert_close(ours, theirs, atol=1e-9, rtol=1e-6)
-    gradients = [w[0] for w in agent.values.gradients]
-    for ours, theirs in zip(gradients, torch.autograd.grad(SMALL.vf_coef * value_loss, critic), strict=True):
-        torch.testing.assert_close(ours, theirs, atol=1e-9, rtol=1e-6)
-
-
-def test_an_action_that_causes_nothing_gets_no_gradient():
-    agent = _agent([[1], [0], [1]])
-    samples = _samples(agent)
-    agent.policy_gradient(samples, agent.mean.forward(samples.obs), torch.zeros(N, 3))
-    by_action = agent.mean.gradients[-1][0]
+    agent.engine.policy_gradient(agent.networks, samples, agent.engine.judge(agent.networks, samples))
+    by_action = agent.networks.mean.gradients[-1][0]
     assert by_action[1] == 0
     assert (by_action[[0, 2]] != 0).all()
 
 
 def test_the_normaliser_has_a_floor():
     """An action whose advantage is all but constant must not be blown up to the size of the others'."""
-    agent = _agent(np.eye(3))
     advantages = torch.randn(N, 3, generator=torch.Generator().manual_seed(0)) * torch.tensor([1.0, 2.0, 1e-4])
-    std = agent.normalise(advantages).std(0)
+    std = losses.normalise(advantages, 0.1).std(0)
     torch.testing.assert_close(std[:2], torch.ones(2))
     assert std[2] < 2e-3
+
+
+def test_the_entropy_is_the_normal_distributions():
+    log_std = torch.tensor([-0.5, 0.3])
+    torch.testing.assert_close(losses.entropy(log_std), torch.distributions.Normal(0, log_std.exp()).entropy().sum())
 
 
 def test_permuting_reward_terms_changes_nothing():
     order = [2, 0, 1]
     one, two = _agent(MATRIX), _agent(np.array(MATRIX)[:, order])
-    for w in two.values.weights[-2:]:
+    for w in two.networks.values.weights[-2:]:
         w.copy_(w[..., order].clone())
     samples = _samples(one)
     one.samples = samples
@@ -312,8 +280,9 @@ def test_too_few_samples_wait_for_more_and_every_sample_is_used_once_a_pass():
     assert (agent.updates, len(agent.samples.obs)) == (9, 0)
 
 
-def test_a_loss_that_is_not_finite_ends_training():
-    agent = _agent([[1]])
+@ENGINES
+def test_a_loss_that_is_not_finite_ends_training(engine):
+    agent = _agent([[1]], engine=engine)
     samples = _samples(agent)
     agent.samples = samples._replace(returns=samples.returns * float("nan"))
     with pytest.raises(DivergedError, match="not finite after 9 updates"):
@@ -321,6 +290,6 @@ def test_a_loss_that_is_not_finite_ends_training():
 
 
 def test_paper_preset_has_the_papers_numbers():
-    paper = PRESETS["PPO"]["paper"]
+    paper = PRESETS["paper"]
     assert (paper.gamma, paper.learning_rate, paper.clip_range) == (0.99, 5e-5, 0.2)
     assert (paper.n_steps, paper.batch_size, paper.n_epochs, paper.net_arch) == (10_000, 64, 10, (64, 64))

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
 import pytest
 import torch
+from agents import plan
 from core.networks.test_encoder import reference
 from stable_baselines3 import SAC
 from stable_baselines3.common.logger import configure
@@ -19,7 +21,6 @@ from training import METHOD, train
 import causalbench
 from causalbench.core.discovery.graph import manual_graph
 from causalbench.core.kinematic import make
-from causalbench.core.learners.causal_gradient import StagePlan
 from causalbench.core.learners.checkpoint import Checkpoints
 from causalbench.core.learners.policy import ObservationScale
 from causalbench.core.learners.ppo.settings import PPOSettings
@@ -31,7 +32,7 @@ from causalbench.core.networks.encoder import SENSORS, Encoder
 from causalbench.core.staged.env import StageTaskEnv
 from causalbench.core.tasks.mobile_manipulation import TASK as MOBILE
 from causalbench.core.tasks.pure_manipulation import TASK as PURE
-from causalbench.errors import UserError
+from causalbench.errors import DivergedError, UserError
 
 N_STATE, N_ACTIONS, BATCH = 4, 2, 6
 SMALL = SACSettings(net_arch=(16,), batch_size=BATCH, learning_rate=3e-4, buffer_size=20)
@@ -51,8 +52,8 @@ class Extractor(BaseFeaturesExtractor):
 
 def parameters(agent: SACAgent) -> list[list[torch.Tensor]]:
     """Actor, critics and targets, the encoders and the actor without their leading dimension; views."""
-    n = agent.encoder.n_weights
-    sides = [[*(w[0] for w in net.weights[:n]), *net.weights[n:]] for net in (agent.critics, agent.targets)]
+    n, nets = agent.networks.encoder.n_weights, (agent.networks.critics, agent.networks.targets)
+    sides = [[*(w[0] for w in net.weights[:n]), *net.weights[n:]] for net in nets]
     return [agent.policy_weights, *sides]
 
 
@@ -75,17 +76,18 @@ def sb3_parameters(model: SAC) -> tuple[list[torch.Tensor], list[torch.Tensor], 
     return first, sides[0], sides[1]
 
 
+@pytest.mark.parametrize("engine", ["fused", "autograd"])
 @pytest.mark.parametrize("name", SENSORS)
 def test_one_critic_and_an_all_ones_matrix_is_sb3s_sac_with_such_an_extractor(
-    name: str, monkeypatch: pytest.MonkeyPatch
+    engine: Any, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """SB3 has one extractor for the actor and one for both critics, too.
 
     After gradient descent at rate 1 weights differ from the start by exactly the gradients.
     """
-    n_obs, ones = N_STATE + SENSORS[name].size, np.ones((N_ACTIONS, 1), dtype=bool)
-    plan = StagePlan(np.arange(N_ACTIONS), np.eye(1, dtype=bool), ones, np.ones(1, dtype=bool), joint_twin=False)
-    agent = SACAgent(plan, n_obs, SMALL, seed=3, sensor=name)
+    n_obs, settings = N_STATE + SENSORS[name].size, dataclasses.replace(SMALL, engine=engine)
+    agent = SACAgent(plan(np.ones((N_ACTIONS, 1))), n_obs, settings, seed=3, sensor=name)
+    networks = agent.networks
 
     class Env(gym.Env):
         observation_space = gym.spaces.Box(-300, 300, (n_obs,), np.float32)
@@ -120,16 +122,16 @@ def test_one_critic_and_an_all_ones_matrix_is_sb3s_sac_with_such_an_extractor(
     theirs_noise = iter(noise)
     monkeypatch.setattr(agent, "_noise", lambda shape: torch.cat(noise))
     monkeypatch.setattr(torch.distributions.normal, "_standard_normal", lambda *a, **k: next(theirs_noise))
-    agent.actor_optimizer = torch.optim.SGD([agent.actor.flat, agent.log_alpha], 1.0)
-    agent.critic_optimizer = torch.optim.SGD([agent.critics.flat], 1.0)
+    agent.actor_optimizer = torch.optim.SGD([networks.actor.flat, networks.log_alpha], 1.0)
+    agent.critic_optimizer = torch.optim.SGD([networks.critics.flat], 1.0)
     monkeypatch.setattr(model, "_update_learning_rate", lambda optimizers: None)
-    before = [w.clone() for w in agent.actor.weights]
+    before = [w.clone() for w in networks.actor.weights]
     agent.train(1)
     model.train(gradient_steps=1, batch_size=BATCH)
     for weights, theirs in zip(parameters(agent), sb3_parameters(model), strict=True):
         for w, their in zip(weights, theirs, strict=True):
             torch.testing.assert_close(w, their.detach(), atol=1e-5, rtol=1e-5)
-    assert all(not torch.equal(w, old) for w, old in zip(agent.actor.weights, before, strict=True))
+    assert all(not torch.equal(w, old) for w, old in zip(networks.actor.weights, before, strict=True))
 
 
 SEES = {
@@ -212,14 +214,7 @@ def test_scaling_leaves_the_sensor_to_the_encoder() -> None:
 
 
 def test_a_number_that_is_none_in_the_image_ends_training_as_diverged(monkeypatch: pytest.MonkeyPatch) -> None:
-    from causalbench.core.learners.sac import agent as sac_agent
-    from causalbench.errors import DivergedError
-
-    agent = SACAgent(
-        StagePlan(np.arange(2), np.eye(1, dtype=bool), np.ones((2, 1), dtype=bool), np.ones(1, dtype=bool), False),
-        N_STATE + SENSORS["lidar"].size, SMALL, seed=0, sensor="lidar",
-    )  # fmt: skip
-    assert sac_agent.EXPLODED > 0
+    agent = SACAgent(plan(np.ones((2, 1))), N_STATE + SENSORS["lidar"].size, SMALL, seed=0, sensor="lidar")
     obs = torch.zeros(4, N_STATE + SENSORS["lidar"].size)
     obs[0, -1] = torch.nan
     agent.buffer.add(Batch(obs, torch.zeros(4, 2), torch.zeros(4, 1), obs.clone(), torch.zeros(4)))

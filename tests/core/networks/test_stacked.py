@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from causalbench.core.networks.squashed_gaussian import init_critics
+from causalbench.core.networks.init import uniform_mlp
 from causalbench.core.networks.stacked import StackedMLP
 
 COUNT, N_IN, N_OUT, BATCH = 3, 5, 2, 16
@@ -11,7 +11,7 @@ COUNT, N_IN, N_OUT, BATCH = 3, 5, 2, 16
 
 def _stack(arch, activation) -> StackedMLP:
     generator = torch.Generator().manual_seed(0)
-    weights = init_critics(COUNT, N_IN, arch, N_OUT, generator)
+    weights = uniform_mlp(COUNT, (N_IN, *arch, N_OUT), generator)
     return StackedMLP([w.double() for w in weights], activation)
 
 
@@ -33,19 +33,19 @@ def test_values_and_gradients_are_those_of_autograd(arch, activation):
     g = torch.Generator().manual_seed(1)
     inputs = torch.randn(BATCH, N_IN, generator=g, dtype=torch.float64)
     slope = torch.randn(COUNT, BATCH, N_OUT, generator=g, dtype=torch.float64)  # of the objective by the outputs
-    layers = stack.forward(inputs)
-    stack.backward(layers, slope)
+    passed = stack.forward(inputs)
+    stack.backward(passed, slope)
     assert stack.flat.grad is not None
     for net in range(COUNT):
         module = _module(stack, net)
         x = inputs.clone().requires_grad_()
         outputs = module(x)
-        torch.testing.assert_close(layers[-1][net], outputs.detach())
+        torch.testing.assert_close(passed.outputs[net], outputs.detach())
         parameters = torch.autograd.grad((outputs * slope[net]).sum(), list(module.parameters()), retain_graph=True)
         for ours, theirs in zip(stack.gradients, parameters, strict=True):
             torch.testing.assert_close(ours[net] if theirs.dim() == 1 else ours[net].T, theirs, atol=1e-9, rtol=1e-6)
         rows, heads = torch.tensor([3, 0, 3, 9]), torch.tensor([1, 0, 0, 1])
-        by_input = stack.input_gradient(layers, net, rows, heads, first=2)
+        by_input = stack.action_gradient(passed, net, rows, heads, N_IN - 2)
         for i, (row, head) in enumerate(zip(rows, heads, strict=True)):
             expected = torch.autograd.grad(outputs[row, head], x, retain_graph=True)[0][row, 2:]
             torch.testing.assert_close(by_input[i], expected, atol=1e-9, rtol=1e-6)

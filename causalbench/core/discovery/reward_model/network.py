@@ -5,12 +5,12 @@ Hidden layers F(128)-F(128)-F(128), outputs mean and log sigma (paper, appendix)
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from itertools import pairwise
 
 import torch
 from torch import Tensor
+
+from causalbench.core.networks.init import uniform_mlp
 
 HIDDEN = (128, 128, 128)
 LOG_SIGMA_MAX = 4.0
@@ -18,14 +18,8 @@ LOG_SIGMA_MAX = 4.0
 
 def initial_weights(pairs: int, n_inputs: int, generator: torch.Generator) -> list[Tensor]:
     """Kernels (pairs, fan in, fan out) and biases (pairs, 1, fan out) of every layer, in order."""
-    weights = []
-    sizes = (n_inputs, *HIDDEN, 2)
-    for fan_in, fan_out in pairwise(sizes):
-        bound = 1 / math.sqrt(fan_in)  # torch.nn.Linear's own initialisation
-        for rows in (fan_in, 1):
-            uniform = torch.rand(pairs, rows, fan_out, generator=generator)
-            weights.append((uniform * 2 - 1) * bound)
-    return weights
+    weights = uniform_mlp(pairs, (n_inputs, *HIDDEN, 2), generator)
+    return [w if w.dim() == 3 else w.unsqueeze(1) for w in weights]
 
 
 def forward(weights: list[Tensor], x: Tensor) -> Tensor:

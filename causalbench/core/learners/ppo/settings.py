@@ -30,6 +30,7 @@ class PPOSettings(StagedSettings):
     max_grad_norm: Annotated[float, Gt(0)] = 0.5
     log_std_init: float = -0.5  # SB3's 0.0 puts a third of all first actions on their bounds
     critics: Literal["rows", "terms"] = "rows"  # one value head per distinct matrix row, or per reward term
+    engine: Literal["fused", "autograd"] = "fused"  # its losses' gradients: written out, or by autograd
 
 
 PRESETS: Mapping[str, PPOSettings] = {

@@ -27,6 +27,7 @@ class SACSettings(StagedSettings):
     ent_coef_init: Annotated[float, Gt(0)] = 0.05  # entropy start; SB3's "auto" starts at 1.0
     cooperation_weight: Annotated[float, Ge(0), Le(1)] = 0.3  # share of the next stage's critic in cSAC
     critics: Literal["rows", "heads", "terms"] = "rows"  # a critic per distinct matrix row (heads: of one net) or term
+    engine: Literal["fused", "autograd"] = "fused"  # its losses' gradients: written out, or by autograd
 
 
 PRESETS: Mapping[str, SACSettings] = {
