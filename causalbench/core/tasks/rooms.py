@@ -7,11 +7,13 @@ simulator moves boxes from reset to reset and never builds a new world.
 from __future__ import annotations
 
 import functools
-import heapq
 import math
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import dijkstra
 
 from causalbench.core.numerics import rotations
 from causalbench.core.world.layout import Box
@@ -72,7 +74,7 @@ CONSTANTS = {
 """Every number of the rooms, part of the identity of tasks that play in them."""
 WAYS_KEPT = 64  # goals whose distances are remembered, for as many worlds as are usually stepped together
 _HALF_DIAGONAL = CELL / math.sqrt(2)
-_NEIGHBOURS = tuple((i, j, CELL * math.hypot(i, j)) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j)
+_STEPS = ((0, 1), (1, 0), (1, 1), (1, -1))  # to half of a cell's neighbours; ways go in both directions
 
 
 @functools.cache
@@ -112,7 +114,8 @@ class Ground:
         x, y = (CELL * (np.arange(n) + 0.5 - n / 2) for n in (nx, ny))
         self.centres = np.stack(np.meshgrid(x, y, indexing="ij"), -1)
         nearest = np.min([distance_to(box, self.centres) for box in boxes], axis=0)
-        self.free = self._largest_part(nearest >= clearance + _HALF_DIAGONAL)
+        self.free = _largest_part(nearest >= clearance + _HALF_DIAGONAL)
+        self._graph = _ways_between(self.free)
         self._ways: dict[tuple[int, int], Array] = {}
 
     def cell(self, point: Array) -> tuple[int, int]:
@@ -126,7 +129,9 @@ class Ground:
         if cell not in self._ways:
             if len(self._ways) == WAYS_KEPT:
                 del self._ways[next(iter(self._ways))]
-            self._ways[cell] = self._spread(self.free, cell)
+            number = int(np.ravel_multi_index(cell, self.free.shape))
+            lengths = dijkstra(self._graph, directed=False, indices=number)
+            self._ways[cell] = lengths.reshape(self.free.shape)
         return self._ways[cell]
 
     def waypoint(self, start: Array, goal: Array, ahead: int) -> Array:
@@ -145,31 +150,25 @@ class Ground:
     def _apart(self, point: Array) -> Array:
         return np.hypot(*np.moveaxis(self.centres - point, -1, 0))
 
-    @staticmethod
-    def _spread(free: NDArray[np.bool_], start: tuple[int, int]) -> Array:
-        """Dijkstra on the grid with diagonals."""
-        out = np.full(free.shape, np.inf)
-        out[start] = 0.0
-        queue = [(0.0, start)]
-        while queue:
-            length, (i, j) = heapq.heappop(queue)
-            if length > out[i, j]:
-                continue
-            for di, dj, way in _NEIGHBOURS:
-                a, b = i + di, j + dj
-                if 0 <= a < free.shape[0] and 0 <= b < free.shape[1] and free[a, b] and length + way < out[a, b]:
-                    out[a, b] = length + way
-                    heapq.heappush(queue, (length + way, (a, b)))
-        return out
 
-    def _largest_part(self, free: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        best, left = np.zeros_like(free), free.copy()
-        while left.any():
-            part = np.isfinite(self._spread(free, tuple(np.argwhere(left)[0])))
-            if part.sum() > best.sum():
-                best = part
-            left &= ~part
-        return best
+def _largest_part(free: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """The largest connected part of `free` (nx, ny), cells that touch at a corner being neighbours."""
+    parts, _ = ndimage.label(free, np.ones((3, 3)))
+    largest: NDArray[np.bool_] = free & (parts == np.bincount(parts[free], minlength=1).argmax())
+    return largest
+
+
+def _ways_between(free: NDArray[np.bool_]) -> coo_array:
+    """Lengths in metres of the ways between neighbouring free cells, which are numbered row by row."""
+    padded = np.pad(np.where(free, np.arange(free.size).reshape(free.shape), -1), 1, constant_values=-1)
+    here = padded[1:-1, 1:-1].ravel()
+    pairs, lengths = [], []
+    for i, j in _STEPS:
+        there = padded[1 + i : padded.shape[0] - 1 + i, 1 + j : padded.shape[1] - 1 + j].ravel()
+        both = (here >= 0) & (there >= 0)
+        pairs.append(np.stack([here[both], there[both]]))
+        lengths.append(np.full(both.sum(), CELL * math.hypot(i, j)))
+    return coo_array((np.concatenate(lengths), tuple(np.concatenate(pairs, axis=1))), shape=(free.size, free.size))
 
 
 def ground(boxes: tuple[Box, ...], clearance: float) -> Ground:
