@@ -31,7 +31,8 @@ from causalbench.errors import (
     UnreachableLayoutError,
     UserError,
 )
-from causalbench.plugins.hookspecs import Backend, hookimpl
+from causalbench.plugins.backends import Backend, Variant
+from causalbench.plugins.hookspecs import hookimpl
 
 if TYPE_CHECKING:
     from causalbench.core.kit import arm_ik as arm_ik
@@ -76,6 +77,7 @@ __all__ = [
     "SnapshotError",
     "UnreachableLayoutError",
     "UserError",
+    "Variant",
     "Workspace",
     "arm_ik",
     "base_following",

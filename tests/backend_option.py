@@ -10,19 +10,25 @@ import re
 
 import pytest
 
+from causalbench.core.world.capabilities import Capability
 from causalbench.plugins.manager import installed
 
 PARAMETERS = ("backend", "mobile_env", "mobile_bench")
 
 
 def names() -> tuple[str, ...]:
-    """Names of all installed backends, the reference backend first."""
-    return tuple(sorted(installed().backends, key=lambda name: (name != "kinematic", name)))
+    """Names of all installed backends with scenes, the reference backend first."""
+    scenes = [name for name, backend in installed().backends.items() if backend.make is not None]
+    return tuple(sorted(scenes, key=lambda name: (name != "kinematic", name)))
 
 
 def driving() -> tuple[str, ...]:
     """Those of them whose robot can drive."""
-    return tuple(name for name in names() if installed().backends[name].mobile_capabilities)
+    return tuple(
+        name
+        for name in names()
+        if any(Capability.MOBILE_BASE in variant.capabilities for variant in installed().backends[name].variants)
+    )
 
 
 def chosen(config: pytest.Config) -> tuple[str, ...]:

@@ -118,10 +118,15 @@ def test_backends_lists_a_broken_plugin_with_its_error(call: Callable, install: 
     done = call("backends", PYTHONPATH=path)
     assert done.returncode == 0
     lines = done.stdout.splitlines()
-    assert [cell.strip() for cell in next(line for line in lines if "│ kinematic" in line).strip("│").split("│")] == [
-        "kinematic", "numpy, not physics", "floating hand", "causalbench-robotics", version("causalbench-robotics"),
-        "exact_restore, lidar, mobile_base, rgb", "none", "ok",
-    ]  # fmt: skip
+    rows = [[cell.strip() for cell in line.strip("│").split("│")] for line in lines if "│ kinematic" in line]
+    own = ("causalbench-robotics", version("causalbench-robotics"))
+    assert rows == [
+        ["kinematic", options, "numpy, not physics", "floating hand", *own, capabilities, "none", "ok"]
+        for options, capabilities in (
+            ("", "exact_restore, rgb"),
+            ("mobile=true", "exact_restore, lidar, mobile_base, rgb"),
+        )
+    ]
     broken = next(line for line in done.stdout.splitlines() if "causalbench-broken" in line)
     assert "ModuleNotFoundError: No module named 'a_simulator_that_is_not_here'" in broken
 

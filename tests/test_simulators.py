@@ -15,7 +15,7 @@ from causalbench.core.tasks.lift_and_hold import lift_and_hold
 from causalbench.core.world.layout import Box, Layout
 from causalbench.core.world.scene import Scene
 from causalbench.errors import CausalbenchError, SnapshotError, UnreachableLayoutError, UserError
-from causalbench.plugins.hookspecs import Backend
+from causalbench.plugins.backends import Backend
 from causalbench.plugins.manager import installed
 
 UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])

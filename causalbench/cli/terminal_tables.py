@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from causalbench.core.discovery.graph import CausalGraph, StageGraph
+from causalbench.plugins.backends import Variant
 from causalbench.plugins.manager import Plugins
 from causalbench.run.doctor import Finding
 from causalbench.store.cells import RunFolder, Status
@@ -147,19 +149,21 @@ def _edge(stage: StageGraph, name: str, row: int, column: int) -> str:
 
 
 def print_backends(plugins: Plugins) -> None:
-    """One row per backend and one per plugin that could not be loaded."""
-    table = Table("backend", "engine", "robot", "plugin", "version", "capabilities", "known gaps", "state")
+    """One row per robot of a backend and one per plugin that could not be loaded."""
+    table = Table("backend", "options", "engine", "robot", "plugin", "version", "capabilities", "known gaps", "state")
     for name, backend in sorted(plugins.backends.items()):
         owner = plugins.owners[name]
         state = plugins.problem(name) or "ok"
         gaps = "; ".join(f"{number}: {reason}" for number, reason in backend.known_gaps.items()) or "none"
-        can = ", ".join(sorted(backend.capabilities | backend.mobile_capabilities)) or "none"
-        cells = (name, backend.engine, backend.robot, owner.distribution, owner.version, can, gaps, state)
-        table.add_row(*map(escape, cells))
+        for variant in backend.variants or (Variant("none"),):
+            options = " ".join(f"{key}={json.dumps(value)}" for key, value in variant.options.items())
+            can = ", ".join(sorted(variant.capabilities)) or "none"
+            cells = (name, options, backend.engine, variant.robot, owner.distribution, owner.version, can, gaps, state)
+            table.add_row(*map(escape, cells))
     for row in plugins.rows:
         if row.error:
             table.add_row(
-                "-", "", "", row.distribution, row.version, "", "", f"could not be loaded: {escape(row.error)}"
+                "-", "", "", "", row.distribution, row.version, "", "", f"could not be loaded: {escape(row.error)}"
             )
     _print(table)
 

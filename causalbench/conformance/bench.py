@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import functools
-import inspect
 from collections.abc import Callable, Mapping
 from typing import Any
 
 from causalbench.core.world.scene import Scene, SceneSpec
-from causalbench.errors import CausalbenchError, UserError
-from causalbench.plugins.hookspecs import Backend
+from causalbench.errors import CausalbenchError
+from causalbench.plugins.backends import NO_OPTIONS, Backend
 from causalbench.processes import ProcessDiedError, call_in_new_interpreter
 
 MakeScene = Callable[[], Scene]
@@ -42,20 +41,14 @@ def in_new_process(function: Callable[..., Any], *arguments: Any) -> Any:
 class Bench:
     """Makes scenes of one backend and closes them; `scene` is shared by all checks, each of which resets it.
 
-    `capabilities` are those that the backend registers for scenes made with these options.
+    `variant` is what the backend registers of scenes made with these options. Raises `UserError` for a backend that
+    makes no scenes, or not with these options.
     """
 
-    def __init__(self, backend: Backend, options: Mapping[str, Any] | None = None) -> None:
+    def __init__(self, backend: Backend, options: Mapping[str, Any] = NO_OPTIONS) -> None:
         self.backend = backend
-        self.capabilities = backend.capabilities
-        if (options or {}).get("mobile"):
-            self.capabilities |= backend.mobile_capabilities
-        self.make_scene: MakeScene = functools.partial(backend.make, **(options or {}))
-        signature = inspect.signature(backend.make)
-        try:
-            signature.bind(**(options or {}))
-        except TypeError as error:
-            raise UserError(f"options of backend {backend.name!r}: {error}; it takes {signature}") from error
+        self.variant = backend.variant(options)
+        self.make_scene: MakeScene = backend.maker(options)
         self._scenes: list[Scene] = []
 
     def make(self) -> Scene:

@@ -13,7 +13,7 @@ from causalbench.conformance.checks import contact, drive, facts, life, motion, 
 from causalbench.core.world.capabilities import Capability
 from causalbench.core.world.scene import ARM_ACTIONS, SceneSpec
 from causalbench.errors import UnknownNameError, UserError
-from causalbench.plugins.hookspecs import Backend
+from causalbench.plugins.backends import NO_OPTIONS, Backend
 
 PASS, FAIL, GAP, NOT_APPLICABLE = "pass", "fail", "known gap", "not applicable"
 
@@ -159,7 +159,7 @@ def _failure(check: Check, bench: Bench) -> str:
     return ""
 
 
-def run_checks(backend: Backend, options: Mapping[str, Any] | None = None) -> Iterator[Result]:
+def run_checks(backend: Backend, options: Mapping[str, Any] = NO_OPTIONS) -> Iterator[Result]:
     """Run the whole contract, one result after the other.
 
     Raises `UserError` for wrong `known_gaps` and `CausalbenchError` when no scene can be made.

@@ -14,7 +14,8 @@ from causalbench.core.learners.registry import LEARNERS, Learner
 from causalbench.core.tasks.mobile_manipulation import TASK as MOBILE_MANIPULATION
 from causalbench.core.tasks.pure_manipulation import TASK as PURE_MANIPULATION
 from causalbench.core.tasks.task import Task
-from causalbench.plugins.hookspecs import Backend, hookimpl
+from causalbench.plugins.backends import Backend, Variant
+from causalbench.plugins.hookspecs import hookimpl
 
 TASKS = (PURE_MANIPULATION, MOBILE_MANIPULATION)
 
@@ -27,9 +28,10 @@ def causalbench_backends(register: Callable[[Backend], None]) -> None:
             "kinematic",
             make_kinematic,
             "numpy, not physics",
-            "floating hand",
-            capabilities=SPEC.capabilities,
-            mobile_capabilities=DRIVING_CAPABILITIES,
+            (
+                Variant(SPEC.robot, SPEC.capabilities),
+                Variant(SPEC.robot, SPEC.capabilities | DRIVING_CAPABILITIES, {"mobile": True}),
+            ),
         )
     )
 

@@ -6,8 +6,7 @@ functions decorated by `hookimpl`. Importing that module must not import a simul
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import pluggy
@@ -17,33 +16,10 @@ if TYPE_CHECKING:
     from causalbench.core.learners.methods import Method
     from causalbench.core.learners.registry import Learner
     from causalbench.core.tasks.task import Task
-    from causalbench.core.world.capabilities import Capability
-    from causalbench.core.world.scene import Scene
+    from causalbench.plugins.backends import Backend
 
 hookspec = pluggy.HookspecMarker("causalbench")
 hookimpl = pluggy.HookimplMarker("causalbench")
-
-
-@dataclass(frozen=True)
-class Backend:
-    """What `causalbench_backends` registers.
-
-    `make(**options)` imports the simulator and returns a new scene; `engine` and `robot` are for people;
-    `modules` are the imports that the simulator needs, so that a missing one is named without importing it;
-    `capabilities` are those of its scenes' specs, so that they can be listed without making one;
-    `mobile_capabilities` are those that `make(mobile=True)` adds: `MOBILE_BASE` and what comes with it. A backend whose
-    robot does not drive has none, and its `make` no such option;
-    `known_gaps` are lines of the contract (docs/conformance.md) that do not hold, with the reason: `{"S21": "..."}`.
-    """
-
-    name: str
-    make: Callable[..., Scene]
-    engine: str
-    robot: str
-    modules: tuple[str, ...] = ()
-    capabilities: frozenset[Capability] = frozenset()
-    known_gaps: Mapping[str, str] = field(default_factory=dict)
-    mobile_capabilities: frozenset[Capability] = frozenset()
 
 
 @hookspec

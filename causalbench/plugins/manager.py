@@ -9,8 +9,9 @@ from __future__ import annotations
 import functools
 import importlib.metadata
 import importlib.util
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import ModuleType
 from typing import Any, Protocol, TypeVar, cast
 
@@ -24,12 +25,14 @@ from causalbench.core.tasks.task import Task
 from causalbench.core.world.scene import Scene
 from causalbench.errors import BackendLoadError, UnknownNameError, UserError
 from causalbench.plugins import hookspecs
-from causalbench.plugins.hookspecs import Backend
+from causalbench.plugins.backends import NO_OPTIONS, Backend
 
 GROUP = "causalbench"
 KINDS = ("backends", "tasks", "methods", "learners", "discoverers")
 """What plugins register: `causalbench_KIND` is the hook, and `Plugins.KIND` has the rows by name."""
 OWN_DISTRIBUTION = "causalbench-robotics"
+NAME = r"(?=.{1,64}$)[A-Za-z0-9]([A-Za-z0-9_.-]*[A-Za-z0-9_])?"
+"""Names enter names of files and folders and are typed in a shell."""
 LIST_COMMAND = "`causalbench backends` lists what is installed."
 
 
@@ -44,11 +47,20 @@ OptionalT = TypeVar("OptionalT", Discoverer, Learner)
 
 @dataclass(frozen=True)
 class PluginRow:
-    """One installed plugin: its distribution, that one's version, and why it could not be loaded ("" if it was)."""
+    """One installed plugin: its distribution, that one's version, and why it could not be loaded ("" if it was).
+
+    `entry_point` is its name in the group "causalbench".
+    """
 
     distribution: str
     version: str
+    entry_point: str = ""
     error: str = ""
+
+    def may_register(self, backend: str) -> bool:
+        """Whether the plugin is called after `backend`, as its entry point or as its distribution."""
+        called = {_spelt(backend), _spelt(f"causalbench-{backend}")}
+        return backend == self.entry_point or _spelt(self.distribution) in called
 
 
 @dataclass
@@ -100,7 +112,7 @@ class Plugins:
 
     def _no_backend(self, name: str) -> UserError:
         for row in self.rows:
-            if row.error and name in row.distribution:
+            if row.error and row.may_register(name):
                 return BackendLoadError(
                     f"backend {name!r}: its plugin {row.distribution} {row.version} could not be loaded: {row.error}. "
                     f"Try: pip install --upgrade {row.distribution}"
@@ -110,6 +122,11 @@ class Plugins:
         if broken:
             hint += f" Could not be loaded: {', '.join(broken)}."
         return UnknownNameError("backend", name, self.backends, hint)
+
+
+def _spelt(distribution: str) -> str:
+    """A distribution's name as package indexes compare it."""
+    return re.sub(r"[-_.]+", "-", distribution).lower()
 
 
 def _missing(modules: Iterable[str]) -> list[str]:
@@ -133,19 +150,15 @@ def _usable(kind: str, name: str, known: Mapping[str, OptionalT]) -> OptionalT:
     return found
 
 
-def scene_maker(backend: Backend, task: Task, options: Mapping[str, Any] | None = None) -> Callable[[], Scene]:
+def scene_maker(backend: Backend, task: Task, options: Mapping[str, Any] = NO_OPTIONS) -> Callable[[], Scene]:
     """A function that makes a new scene of `backend` for `task`; `options` are further ones of its `make`.
 
-    Raises `UserError` for a backend that lacks what the task requires.
+    Raises `UserError` where `make` takes no such options, or where its scenes cannot run the task.
     """
-    options = dict(task.scene_options) | dict(options or {})
-    offered = backend.capabilities | (backend.mobile_capabilities if options.get("mobile") else frozenset())
-    if lacking := sorted(task.requires - offered):
-        raise UserError(
-            f"backend {backend.name!r} cannot run task {task.name!r}: it lacks {', '.join(lacking)}; "
-            "`causalbench backends` lists what each offers"
-        )
-    return functools.partial(backend.make, **options)
+    backend.maker(options)
+    if refusal := backend.refusal(task, options):
+        raise UserError(refusal)
+    return backend.maker({**task.scene_options, **options})
 
 
 @functools.cache
@@ -167,7 +180,7 @@ def load_plugins() -> Plugins:
         try:
             _register(manager, load(), row, plugins)
         except Exception as error:  # a stranger's code may raise anything
-            row = PluginRow(row.distribution, row.version, f"{type(error).__name__}: {error}")
+            row = replace(row, error=f"{type(error).__name__}: {error}")
         plugins.rows.append(row)
     return plugins
 
@@ -176,7 +189,8 @@ def _entry_points() -> Iterator[tuple[PluginRow, Callable[[], ModuleType]]]:
     """(plugin, function that imports it), in an order that does not depend on the search path."""
     found = importlib.metadata.entry_points(group=GROUP)
     for point in sorted(found, key=lambda p: (p.dist.name if p.dist else "", p.name)):
-        yield PluginRow(point.dist.name, point.dist.version) if point.dist else PluginRow(point.value, ""), point.load
+        distribution, version = (point.dist.name, point.dist.version) if point.dist else (point.value, "")
+        yield PluginRow(distribution, version, point.name), point.load
 
 
 def _register(manager: pluggy.PluginManager, plugin: ModuleType, row: PluginRow, plugins: Plugins) -> None:
@@ -201,6 +215,9 @@ def _register(manager: pluggy.PluginManager, plugin: ModuleType, row: PluginRow,
 
 
 def _add(found: dict[str, NamedT], known: Mapping[str, NamedT], item: NamedT) -> None:
+    kind = type(item).__name__.lower()
+    if not isinstance(item.name, str) or not re.fullmatch(NAME, item.name):
+        raise UserError(f"{kind} {item.name!r}: a name is 1 to 64 letters, digits, '_', '-' and '.', as in my_sim-2.1")
     if item.name in found or item.name in known:
-        raise UserError(f"{type(item).__name__.lower()} {item.name!r} is already registered; choose another name")
+        raise UserError(f"{kind} {item.name!r} is already registered; choose another name")
     found[item.name] = item

@@ -81,6 +81,7 @@ def _backend(plugins: Plugins, name: str) -> Iterator[Finding]:
     problem = plugins.problem(name)
     if problem:
         yield Finding(f"{name}: installed", False, problem, problem.partition("run: ")[2])
+    if problem or plugins.backends[name].make is None:
         return
     for what, text in (("simulates", "a reset and a step"), ("renders", "a 64 x 48 picture, if it can at all")):
         error = probe(name, what)

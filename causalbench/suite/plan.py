@@ -13,8 +13,8 @@ from causalbench._version import __version__
 from causalbench.core.learners.methods import Method
 from causalbench.core.tasks.task import Task
 from causalbench.errors import SuiteError, UnknownNameError, UserError
-from causalbench.plugins.hookspecs import Backend
-from causalbench.plugins.manager import Plugins, scene_maker
+from causalbench.plugins.backends import Backend
+from causalbench.plugins.manager import Plugins
 from causalbench.suite.cells import BackendIdentity, Cell, DiscoveryCell, LearnerCell, TaskIdentity
 from causalbench.suite.grid import Combination, combinations, layer_of
 from causalbench.suite.positions import Location
@@ -92,11 +92,8 @@ class _Planner:
         options = self.suite.per_backend.get(name, PerBackend()).options
         version = self.plugins.owners[name].version
         identity = BackendIdentity(name, version, module_versions(found.modules), options)
-        try:
-            scene_maker(found, self.task)
-        except UserError as error:
-            return identity, str(error)
-        return identity, ""
+        self._named(("per_backend", name, "options"), partial(found.maker, options))
+        return identity, found.refusal(self.task, options)
 
     def cells(self, backend: BackendIdentity, methods: Sequence[Method], seeds: Sequence[int]) -> Iterator[Cell]:
         """All cells on one backend; some more than once."""

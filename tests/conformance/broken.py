@@ -19,7 +19,7 @@ from causalbench.core.world.facts import Facts
 from causalbench.core.world.layout import Layout
 from causalbench.core.world.scene import Array, Scene, SceneSpec, check_action
 from causalbench.errors import SnapshotError, UnreachableLayoutError
-from causalbench.plugins.hookspecs import Backend
+from causalbench.plugins.backends import Backend, Variant
 
 NAMES = SPEC.actions
 
@@ -499,7 +499,7 @@ class OldPicture(Altered):
 
 def backend(make: Any, spec: SceneSpec = SPEC, modules: tuple[str, ...] = ()) -> Backend:
     capabilities = getattr(make, "changes", {}).get("capabilities", spec.capabilities)
-    return Backend(spec.backend, make, spec.engine, spec.robot, modules, capabilities)
+    return Backend(spec.backend, make, spec.engine, (Variant(spec.robot, capabilities),), modules)
 
 
 BROKEN = {

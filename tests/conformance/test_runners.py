@@ -16,7 +16,8 @@ from causalbench.conformance.suite import CHECKS
 PLUGIN = """
 import dataclasses
 from causalbench.core.kinematic.worlds import SPEC, KinematicScene
-from causalbench.plugins.hookspecs import Backend, hookimpl
+from causalbench.plugins.backends import Backend, Variant
+from causalbench.plugins.hookspecs import hookimpl
 
 class Scene(KinematicScene):
     def __init__(self, timestep=0.03):
@@ -26,7 +27,7 @@ class Scene(KinematicScene):
 @hookimpl
 def causalbench_backends(register):
     gaps = {"S4": "the engine rounds its [clock]"}
-    register(Backend("gappy", Scene, "numpy", "hand", capabilities=SPEC.capabilities, known_gaps=gaps))
+    register(Backend("gappy", Scene, "numpy", (Variant(SPEC.robot, SPEC.capabilities),), known_gaps=gaps))
 """
 TEST = """
 from causalbench.conformance.testing import SceneConformance

@@ -16,7 +16,8 @@ from causalbench.run.executors import PRELOAD
 PLUGIN = """
 import ctypes, os, signal, threading
 from causalbench.errors import DivergedError
-from causalbench.plugins.hookspecs import Backend, hookimpl
+from causalbench.plugins.backends import Backend, Variant
+from causalbench.plugins.hookspecs import hookimpl
 
 def raising():
     raise RuntimeError("the arm fell off")
@@ -36,7 +37,7 @@ WAYS = {
 @hookimpl
 def causalbench_backends(register):
     for name, make in WAYS.items():
-        register(Backend(name, make, "none", "none"))
+        register(Backend(name, make, "none", (Variant("none"),)))
 """
 
 

@@ -21,7 +21,8 @@ from causalbench.suite.schema import load_suite
 def plugins() -> Plugins:
     """The installed ones, and a backend whose robot does not drive."""
     found = load_plugins()
-    standing = dataclasses.replace(found.backends["kinematic"], name="standing", mobile_capabilities=frozenset())
+    kinematic = found.backends["kinematic"]
+    standing = dataclasses.replace(kinematic, name="standing", variants=kinematic.variants[:1])
     return dataclasses.replace(
         found,
         backends=found.backends | {"standing": standing},

@@ -244,7 +244,9 @@ def test_a_suite_without_methods_asks_for_graphs(tmp_path: Path, plugins: Plugin
 
 
 def test_a_backend_that_cannot_run_the_task_is_skipped_with_its_reason(tmp_path: Path, plugins: Plugins) -> None:
-    standing = dataclasses.replace(plugins.backends["kinematic"], name="standing", mobile_capabilities=frozenset())
+    standing = dataclasses.replace(
+        plugins.backends["kinematic"], name="standing", variants=plugins.backends["kinematic"].variants[:1]
+    )
     with_it = dataclasses.replace(
         plugins,
         backends=plugins.backends | {"standing": standing},

@@ -11,11 +11,15 @@ from causalbench.errors import CausalbenchError
 
 
 def s01_names(bench: Bench) -> None:
-    """S1. `spec.backend` is the registered name, no name or version is empty, and all scenes have equal specs."""
+    """S1. `spec.backend` and `spec.robot` are as registered, nothing is empty, and all scenes have equal specs."""
     spec = bench.spec
     expect(
         spec.backend == bench.backend.name,
         f"spec.backend is {spec.backend!r}, but the plugin registers {bench.backend.name!r}",
+    )
+    expect(
+        spec.robot == bench.variant.robot,
+        f"spec.robot is {spec.robot!r}, but the plugin registers {bench.variant.robot!r} for these options",
     )
     for name in ("backend_version", "engine", "engine_version", "robot"):
         value = getattr(spec, name)
@@ -69,7 +73,7 @@ def s05_capabilities(bench: Bench) -> None:
     spec = bench.spec
     unknown = sorted(spec.capabilities - SCENE_CAPABILITIES)
     expect(not unknown, f"unknown capabilities {unknown}; known: {', '.join(sorted(SCENE_CAPABILITIES))}")
-    registered = bench.capabilities
+    registered = bench.variant.capabilities
     expect(
         spec.capabilities == registered,
         f"spec.capabilities is {sorted(spec.capabilities)}, but the plugin registers {sorted(registered)}",

@@ -3,13 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
-from causalbench.core.world.capabilities import Capability
-from causalbench.plugins.hookspecs import Backend, hookimpl
-
-if TYPE_CHECKING:
-    from causalbench.core.world.scene import Scene
+from causalbench.backend import Backend, Capability, Scene, Variant, hookimpl
 
 ENGINE, ROBOT = "MuJoCo", "six-hinge arm"
 MODULES = ("mujoco",)
@@ -26,4 +21,4 @@ def make() -> Scene:
 @hookimpl
 def causalbench_backends(register: Callable[[Backend], None]) -> None:
     """Register the backend."""
-    register(Backend("hinge_arm", make, ENGINE, ROBOT, MODULES, CAPABILITIES))
+    register(Backend("hinge_arm", make, ENGINE, (Variant(ROBOT, CAPABILITIES),), MODULES))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import causalbench_mujoco
-from causalbench.backend import Backend, Capability, Scene, base_following, hookimpl, require
+from causalbench.backend import Backend, Capability, Scene, Variant, base_following, hookimpl, require
 
 __version__ = "0.1.0"
 CAPABILITIES = frozenset({Capability.EXACT_RESTORE, Capability.PHYSICS, Capability.RGB})
@@ -30,5 +30,5 @@ def make(control_hz: float = 10.0, timestep: float = 0.005, mobile: bool = False
 def causalbench_backends(register: Callable[[Backend], None]) -> None:
     """Register the backend "gymrob"."""
     modules = ("mujoco", "gymnasium_robotics")
-    mobile = base_following.DRIVING_CAPABILITIES
-    register(Backend("gymrob", make, "MuJoCo", "Fetch", modules, CAPABILITIES, mobile_capabilities=mobile))
+    mobile = Variant("Fetch", CAPABILITIES | base_following.DRIVING_CAPABILITIES, {"mobile": True})
+    register(Backend("gymrob", make, "MuJoCo", (Variant("Fetch", CAPABILITIES), mobile), modules))

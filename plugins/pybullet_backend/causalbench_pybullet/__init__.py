@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import causalbench_mujoco
-from causalbench.backend import Backend, Capability, Scene, base_following, hookimpl, require
+from causalbench.backend import Backend, Capability, Scene, Variant, base_following, hookimpl, require
 
 __version__ = "0.1.0"
 CAPABILITIES = frozenset({Capability.EXACT_RESTORE, Capability.PHYSICS, Capability.RGB})
@@ -38,5 +38,5 @@ def make(
 def causalbench_backends(register: Callable[[Backend], None]) -> None:
     """Register the backend "pybullet"."""
     modules = ("pybullet", "mujoco", "gymnasium_robotics")
-    mobile = base_following.DRIVING_CAPABILITIES
-    register(Backend("pybullet", make, "Bullet", "Fetch", modules, CAPABILITIES, mobile_capabilities=mobile))
+    mobile = Variant("Fetch", CAPABILITIES | base_following.DRIVING_CAPABILITIES, {"mobile": True})
+    register(Backend("pybullet", make, "Bullet", (Variant("Fetch", CAPABILITIES), mobile), modules))

@@ -21,7 +21,8 @@ def test_the_simulator_writes_nothing_of_its_own() -> None:
 def test_it_registers_one_backend() -> None:
     backends: list[Backend] = []
     causalbench_pybullet.causalbench_backends(backends.append)
-    assert [(b.name, b.engine, b.robot) for b in backends] == [("pybullet", "Bullet", "Fetch")]
+    assert [(b.name, b.engine) for b in backends] == [("pybullet", "Bullet")]
+    assert [variant.robot for variant in backends[0].variants] == ["Fetch", "Fetch"]
 
 
 @pytest.mark.parametrize(

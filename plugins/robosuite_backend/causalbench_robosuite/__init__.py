@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from causalbench.backend import Backend, Capability, Scene, base_following, hookimpl, require
+from causalbench.backend import Backend, Capability, Scene, Variant, base_following, hookimpl, require
 
 __version__ = "0.1.0"
 CAPABILITIES = frozenset({Capability.EXACT_RESTORE, Capability.PHYSICS, Capability.RGB})
@@ -29,5 +29,5 @@ def make(control_hz: float = 10.0, timestep: float = 0.002, mobile: bool = False
 def causalbench_backends(register: Callable[[Backend], None]) -> None:
     """Register the backend "robosuite"."""
     modules = ("mujoco", "robosuite")
-    mobile = base_following.DRIVING_CAPABILITIES
-    register(Backend("robosuite", make, "MuJoCo", "Panda", modules, CAPABILITIES, mobile_capabilities=mobile))
+    mobile = Variant("PandaOmron", CAPABILITIES | base_following.DRIVING_CAPABILITIES, {"mobile": True})
+    register(Backend("robosuite", make, "MuJoCo", (Variant("Panda", CAPABILITIES), mobile), modules))

@@ -12,7 +12,8 @@ from causalbench_robosuite import make
 def test_it_registers_one_backend() -> None:
     backends: list[Backend] = []
     causalbench_robosuite.causalbench_backends(backends.append)
-    assert [(b.name, b.engine, b.robot) for b in backends] == [("robosuite", "MuJoCo", "Panda")]
+    assert [(b.name, b.engine) for b in backends] == [("robosuite", "MuJoCo")]
+    assert [variant.robot for variant in backends[0].variants] == ["Panda", "PandaOmron"]
 
 
 @pytest.mark.parametrize("version", ["2.3.7", "3.2.7", "3.4.0", "3.10.0", "3.17.0", "4.0.0"])
