@@ -10,13 +10,16 @@ import typer
 
 from causalbench.cli.execution import execute, use_one_thread_each
 from causalbench.cli.options import EXIT_FAILED, BackendOptions, cores, named_values
+from causalbench.core.discovery.settings import DiscoverySettings
 from causalbench.errors import UserError
+
+DEFAULT = DiscoverySettings().discoverer
 
 
 def discover(
     backend: Annotated[str, typer.Option(help="Where to discover.")] = "kinematic",
     task: Annotated[str, typer.Option(help="What for.")] = "pure_manipulation",
-    discoverer: Annotated[str, typer.Option(help="How: the paper's kl, or another of docs/discovery.md.")] = "kl",
+    discoverer: Annotated[str, typer.Option(help="How: one of docs/discovery.md or a plugin's.")] = DEFAULT,
     preset: Annotated[str, typer.Option(help="Named settings: quick, paper, paper_large.")] = "quick",
     setting: Annotated[
         list[str] | None, typer.Option("--set", help="A setting, any discoverer's or its own: name=value (repeatable).")

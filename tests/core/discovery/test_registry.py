@@ -1,8 +1,10 @@
 """What every discoverer owes: settings that are checked, evidence that is described, no heavy import to be listed."""
 
+import ast
 import dataclasses
 import subprocess
 import sys
+from pathlib import Path
 from typing import get_type_hints
 
 import numpy as np
@@ -10,6 +12,7 @@ import pydantic
 import pytest
 from toy import make_toy, toy_task
 
+import causalbench
 from causalbench.core.discovery.discoverers import DISCOVERERS
 from causalbench.core.discovery.edges import EDGE, RESERVED, edge_rows
 from causalbench.core.discovery.graph import CausalGraph, EvidenceColumn, StageGraph
@@ -208,6 +211,19 @@ def test_what_needs_all_stages_is_decided_at_the_end():
     (stage,) = _run(Discoverer("mine", _found({}), "", finish=finish)).stages
     assert not stage.matrix.any()
     assert stage.notes == ("mine",)
+
+
+def test_nothing_asks_for_the_papers_discoverer_or_its_evidence_by_name():
+    """It is one among equals: no name of its tables stands outside its folder, and its own in the default alone."""
+    package = Path(causalbench.__file__).parent
+    own = {"kl", *(column.name for column in DISCOVERERS["kl"].evidence)}
+    found = set()
+    for path in package.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            name = node.value if isinstance(node, ast.Constant) else getattr(node, "attr", None)
+            if isinstance(name, str) and name in own:
+                found.add((path.relative_to(package).as_posix(), name))
+    assert {pair for pair in found if "methods/kl/" not in pair[0]} == {("core/discovery/settings.py", "kl")}
 
 
 def test_listing_discoverers_imports_neither_torch_nor_gymnasium():
