@@ -15,6 +15,8 @@ HEAVY = {"torch", "stable_baselines3", "gymnasium_robotics", "mujoco", "pybullet
     [
         "import causalbench",
         "import causalbench.discoverer",
+        "import causalbench.learner",
+        "import causalbench.method",
         "import causalbench.plugins.hookspecs",
         "import causalbench.report",
     ],

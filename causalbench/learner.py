@@ -1,0 +1,69 @@
+"""All that an author of a learner imports; `examples/a_learner` is a worked example.
+
+Importing it imports no torch: what needs it is imported when it is first asked for.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+from causalbench.core.discovery.graph import CausalGraph
+from causalbench.core.learners.records import Evaluation, TrainingCounts
+from causalbench.core.learners.registry import Learner, Policy, Trained, TrainingProblem
+from causalbench.core.learners.settings import EvaluationSettings, StagedSettings
+from causalbench.errors import DivergedError, UserError
+from causalbench.plugins.hookspecs import hookimpl
+
+if TYPE_CHECKING:
+    from causalbench.core.learners.causal_gradient import StagePlan as StagePlan
+    from causalbench.core.learners.causal_gradient import stage_plan as stage_plan
+    from causalbench.core.learners.counting import Counter as Counter
+    from causalbench.core.learners.evaluation import evaluate as evaluate
+    from causalbench.core.learners.examiner import Examiner as Examiner
+    from causalbench.core.learners.learner import StagedLearner as StagedLearner
+    from causalbench.core.learners.policy import ObservationScale as ObservationScale
+    from causalbench.core.learners.policy import StagedPolicy as StagedPolicy
+    from causalbench.core.learners.training import train_staged as train_staged
+
+_WITH_TORCH = {
+    "Counter": "counting",
+    "Examiner": "examiner",
+    "ObservationScale": "policy",
+    "StagePlan": "causal_gradient",
+    "StagedLearner": "learner",
+    "StagedPolicy": "policy",
+    "evaluate": "evaluation",
+    "stage_plan": "causal_gradient",
+    "train_staged": "training",
+}
+
+__all__ = [
+    "CausalGraph",
+    "Counter",
+    "DivergedError",
+    "Evaluation",
+    "EvaluationSettings",
+    "Examiner",
+    "Learner",
+    "ObservationScale",
+    "Policy",
+    "StagePlan",
+    "StagedLearner",
+    "StagedPolicy",
+    "StagedSettings",
+    "Trained",
+    "TrainingCounts",
+    "TrainingProblem",
+    "UserError",
+    "evaluate",
+    "hookimpl",
+    "stage_plan",
+    "train_staged",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _WITH_TORCH:
+        raise AttributeError(f"module 'causalbench.learner' has no attribute {name!r}")
+    return getattr(importlib.import_module(f"causalbench.core.learners.{_WITH_TORCH[name]}"), name)
