@@ -137,8 +137,8 @@ class TableView:
 def label(cell: Cell) -> str:
     """A cell's name for people."""
     what = "discovery" if isinstance(cell, DiscoveryCell) else cell.method.name
-    variant = "".join(f", {key}={value}" for key, value in cell.variant.items())
-    return f"{what} on {cell.backend.name}, seed {cell.seed}{variant}"
+    point = "".join(f", {key}={value}" for key, value in cell.grid_point.items())
+    return f"{what} on {cell.backend.name}, seed {cell.seed}{point}"
 
 
 def _number(value: float | None) -> str:

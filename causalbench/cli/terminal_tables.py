@@ -20,7 +20,7 @@ from causalbench.store.cells import RunFolder, Status
 Row = Mapping[str, Any]
 
 BOARD = {
-    "rank": "rank", "method": "method", "variant": "variant", "backend": "backend",
+    "rank": "rank", "method": "method", "grid_point": "grid point", "backend": "backend",
     "seeds": "seeds", "success_auc_iqm": "success AUC (IQM)",
     "final_success": "success", "held_rate": "held", "steps_to_90": "steps to 90%",
     "steps_to_90_with_discovery": "with discovery", "reversals": "reversals/1000", "failed_cells": "failed",
@@ -36,7 +36,9 @@ def progress_console() -> Console:
 
 def print_leaderboard(rows: Sequence[Row]) -> None:
     """The leaderboard; an interval stands in brackets behind its number."""
-    columns = {key: name for key, name in BOARD.items() if key != "variant" or any(row["variant"] for row in rows)}
+    columns = {
+        key: name for key, name in BOARD.items() if key != "grid_point" or any(row["grid_point"] for row in rows)
+    }
     table = Table(*columns.values(), title="Leaderboard: area under the success curve", title_justify="left")
     for row in rows:
         cells = {key: _text(row.get(key)) for key in BOARD}

@@ -18,8 +18,8 @@ from causalbench.store.cells import StoredCell
 Row = dict[str, Any]
 
 COLUMNS = (
-    "rank", "method", "variant", "backend", "seeds", "success_auc_iqm", "success_auc_iqm_low", "success_auc_iqm_high",
-    "final_success", "held_rate", "steps_to_90", "steps_to_90_with_discovery", "reversals", "p_better_than_next",
+    "rank", "method", "grid_point", "backend", "seeds", "success_auc_iqm", "success_auc_iqm_low",
+    "success_auc_iqm_high", "final_success", "held_rate", "steps_to_90", "steps_to_90_with_discovery", "reversals", "p_better_than_next",
     "p_better_low", "p_better_high", "failed_cells", "verdict",
 )  # fmt: skip
 FAILED = {"failed", "timeout", "diverged", "skipped"}
@@ -29,18 +29,18 @@ FAILED = {"failed", "timeout", "diverged", "skipped"}
 class Entry:
     """One method on one board: its finished cells by backend, and how many others did not finish.
 
-    Each variant of a suite's grid is an entry of its own.
+    Each grid_point of a suite's grid is an entry of its own.
     """
 
     method: str
-    variant: str
+    grid_point: str
     by_backend: dict[str, list[Row]]
     failed: int
 
     @property
     def name(self) -> str:
         """What a verdict calls it."""
-        return f"{self.method} ({self.variant})" if self.variant else self.method
+        return f"{self.method} ({self.grid_point})" if self.grid_point else self.method
 
     @property
     def rows(self) -> list[Row]:
@@ -75,7 +75,7 @@ def _board(name: str, backends: list[str], results: Sequence[Row], cells: Sequen
     here = [cell for cell in cells if cell.identity["backend"]["name"] in backends]
     finished: dict[tuple[str, str], dict[str, list[Row]]] = {}
     for who in sorted(set(map(_who, here))):
-        own = [row for row in results if (row["method"], row["variant"]) == who]
+        own = [row for row in results if (row["method"], row["grid_point"]) == who]
         finished[who] = {b: [row for row in own if row["backend"] == b] for b in backends}
     failed = Counter(_who(cell) for cell in here if cell.status.state in FAILED)
     entries = [Entry(*who, by_backend, failed[who]) for who, by_backend in finished.items()]
@@ -85,13 +85,13 @@ def _board(name: str, backends: list[str], results: Sequence[Row], cells: Sequen
         if not entry.seeds:
             missing = ", ".join(backend for backend, found in entry.by_backend.items() if not found)
             verdict = f"not ranked: no finished cell on {missing}"
-            named = {"method": entry.method, "variant": entry.variant}
+            named = {"method": entry.method, "grid_point": entry.grid_point}
             rows.append(named | {"seeds": 0, "failed_cells": entry.failed, "verdict": verdict})
     return [{"backend": name} | row for row in rows]
 
 
 def _who(cell: StoredCell) -> tuple[str, str]:
-    return cell.identity["method"]["name"], cell.variant
+    return cell.identity["method"]["name"], cell.grid_point
 
 
 def _ranked_rows(ranked: list[Entry]) -> list[Row]:
@@ -111,7 +111,7 @@ def _summary(entry: Entry) -> Row:
     low, high = stats.bootstrap_interval(stats.pooled_iqm, strata) if entry.seeds >= stats.LEAST_SEEDS else (None, None)
     return {
         "method": entry.method,
-        "variant": entry.variant,
+        "grid_point": entry.grid_point,
         "seeds": entry.seeds,
         "success_auc_iqm": float(stats.pooled_iqm(strata)),
         "success_auc_iqm_low": low,

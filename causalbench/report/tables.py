@@ -17,7 +17,7 @@ from causalbench.store.records import Counts, read_counts, read_effects, read_pr
 
 Row = dict[str, Any]
 
-KEYS = ("task", "backend", "method", "variant", "seed")
+KEYS = ("task", "backend", "method", "grid_point", "seed")
 RESULTS = (
     *KEYS, "env_steps", "discovery_env_steps", "episodes", "success_deterministic", "success_sampled", "success_low",
     "success_high", "held_rate", "success_auc", "steps_to_90", "mean_final_stage", "reversals_per_episode",
@@ -105,7 +105,7 @@ def _result_row(cell: StoredCell, evaluations: list[Evaluation], counts: Counts)
 def _keys(cell: StoredCell) -> Row:
     identity = cell.identity
     task, backend, method = (identity[kind]["name"] for kind in ("task", "backend", "method"))
-    return dict(zip(KEYS, (task, backend, method, cell.variant, identity["seed"]), strict=True))
+    return dict(zip(KEYS, (task, backend, method, cell.grid_point, identity["seed"]), strict=True))
 
 
 def _curve_rows(cell: StoredCell) -> Iterator[Row]:
@@ -142,7 +142,7 @@ def _discovery_table(cells: Sequence[StoredCell]) -> tuple[tuple[str, ...], list
         graph, effects = CausalGraph.load(cell.folder / "graph.json"), read_effects(cell.folder / "oracle.csv")
         evidence |= dict.fromkeys(evidence_columns(graph))
         task, backend = (cell.identity[kind]["name"] for kind in ("task", "backend"))
-        keys = (task, backend, cell.variant, cell.identity["seed"])
+        keys = (task, backend, cell.grid_point, cell.identity["seed"])
         for row in edge_rows(graph):
             effect = effects.get((row["stage"], row["reward"], row["action"]), {})
             rows.append(dict(zip(DISCOVERY, keys, strict=False)) | row | effect)

@@ -62,9 +62,9 @@ class StoredCell:
     folder: Path
 
     @property
-    def variant(self) -> str:
+    def grid_point(self) -> str:
         """The settings of a suite's grid that made it, such as "learner.gamma=0.9"; "" without a grid."""
-        return variant_text(self.identity)
+        return grid_text(self.identity)
 
 
 class RunFolder:
@@ -163,23 +163,23 @@ def read_cell(folder: Path) -> StoredCell:
     return StoredCell(content.pop("id"), content, _read_status(folder), folder)
 
 
-def variant_text(identity: Mapping[str, Any]) -> str:
+def grid_text(identity: Mapping[str, Any]) -> str:
     """The settings of a grid in the identity of a cell, as one text."""
     return ", ".join(
         f"{key}={value if isinstance(value, str) else json.dumps(value)}"
-        for key, value in identity.get("variant", {}).items()
+        for key, value in identity.get("grid_point", {}).items()
     )
 
 
 def in_order(cells: Iterable[StoredCell]) -> list[StoredCell]:
-    """The cells by task, backend, method, variant and seed."""
+    """The cells by task, backend, method, grid_point and seed."""
     return sorted(cells, key=_order)
 
 
 def _order(cell: StoredCell) -> tuple[str, str, str, str, int, str]:
     identity = cell.identity
     method = identity.get("method", {}).get("name", "")
-    return identity["task"]["name"], identity["backend"]["name"], method, cell.variant, identity["seed"], cell.id
+    return identity["task"]["name"], identity["backend"]["name"], method, cell.grid_point, identity["seed"], cell.id
 
 
 def _read_status(folder: Path) -> Status:
@@ -193,7 +193,7 @@ def _read_status(folder: Path) -> Status:
 def check_comparable(cells: Iterable[tuple[str, Mapping[str, Any]]]) -> None:
     """Raise `RunFolderError` unless the cells, (where it comes from, identity), may stand in one table.
 
-    Task and code must be the same throughout, and backend, budget and settings for each backend, method and variant.
+    Task and code must be the same throughout, and backend, budget and settings for each backend, method and grid_point.
     """
     seen: dict[tuple[str, ...], tuple[str, Any]] = {}
     for where, identity in cells:
@@ -208,20 +208,20 @@ def check_comparable(cells: Iterable[tuple[str, Mapping[str, Any]]]) -> None:
 
 def _scopes(identity: Mapping[str, Any]) -> dict[tuple[str, ...], Any]:
     backend, kind = identity["backend"]["name"], identity["kind"]
-    variant = tuple(filter(None, [variant_text(identity)]))
+    grid_point = tuple(filter(None, [grid_text(identity)]))
     scopes: dict[tuple[str, ...], Any] = {
         ("causalbench's version",): identity["code"],
         ("the task",): identity["task"],
         ("backend", backend): identity["backend"],
     }
     if kind == "discovery":
-        return scopes | {("discovery on", backend, *variant): identity["settings"]}
+        return scopes | {("discovery on", backend, *grid_point): identity["settings"]}
     method = identity["method"]["name"]
     return scopes | {
         ("the budget",): {"env_steps": identity["env_steps"]},
-        ("evaluation on", backend, *variant): identity["evaluation"],
+        ("evaluation on", backend, *grid_point): identity["evaluation"],
         ("method", method): identity["method"],
-        ("the learner of", method, "on", backend, *variant): identity["learner"],
+        ("the learner of", method, "on", backend, *grid_point): identity["learner"],
     }
 
 

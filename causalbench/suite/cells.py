@@ -14,7 +14,7 @@ from causalbench.core.discovery.settings import DiscoverySettings
 from causalbench.core.learners.methods import Method
 from causalbench.core.learners.settings import EvaluationSettings
 
-Variant = Mapping[str, Any]
+GridPoint = Mapping[str, Any]
 """The settings of a suite's grid that reached a cell: dotted key -> value. Empty without a grid."""
 
 
@@ -46,7 +46,7 @@ class DiscoveryCell:
     backend: BackendIdentity
     seed: int
     settings: DiscoverySettings
-    variant: Variant = field(default_factory=dict)
+    grid_point: GridPoint = field(default_factory=dict)
 
     cores: ClassVar[int] = 2  # processes that collect samples; no part of the result, nor of the id
 
@@ -79,7 +79,7 @@ class LearnerCell:
     evaluation: EvaluationSettings
     discovery: DiscoveryCell | None
     action_repeat: int = 1
-    variant: Variant = field(default_factory=dict)
+    grid_point: GridPoint = field(default_factory=dict)
 
     cores: ClassVar[int] = 1
 

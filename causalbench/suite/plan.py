@@ -115,19 +115,19 @@ class _Planner:
         location = self._discoverer_location(backend.name, combination)
         settings = self._named(location, partial(section.resolve, patches))
         self._named(location, partial(self.plugins.discoverer, settings.discoverer))
-        variant = _reaching(combination, "discovery", partial(section.reaches, subject=settings.discoverer))
+        grid_point = _reaching(combination, "discovery", partial(section.reaches, subject=settings.discoverer))
         own = self.suite.graphs_in(self.tier) == "per_seed"
-        return DiscoveryCell(__version__, self.task_identity, backend, seed if own else 0, settings, variant)
+        return DiscoveryCell(__version__, self.task_identity, backend, seed if own else 0, settings, grid_point)
 
     def _learner(self, backend: BackendIdentity, method: Method, seed: int, combination: Combination) -> LearnerCell:
         sections, patches = self.file.sections, self._learner_patches(backend.name, method.name, combination)
         asks = method.matrix in ("discovered", "oracle")
         asked = self._discovery(backend, seed, combination) if asks else None
         discovery = asked if method.matrix == "discovered" else None
-        variant = _reaching(combination, "learner", partial(sections.learner.reaches, subject=method.learner))
-        variant |= _reaching(combination, "evaluation", lambda key: True)
+        grid_point = _reaching(combination, "learner", partial(sections.learner.reaches, subject=method.learner))
+        grid_point |= _reaching(combination, "evaluation", lambda key: True)
         if method.matrix == "oracle":
-            variant |= _reaching(combination, "discovery", lambda key: key == "action_repeat")
+            grid_point |= _reaching(combination, "discovery", lambda key: key == "action_repeat")
         return LearnerCell(
             code=__version__,
             task=self.task_identity,
@@ -139,7 +139,7 @@ class _Planner:
             evaluation=sections.evaluation.resolve(patches["evaluation"]),
             discovery=discovery,
             action_repeat=asked.settings.action_repeat if asked and not discovery else 1,
-            variant={**variant, **(discovery.variant if discovery else {})},
+            grid_point={**grid_point, **(discovery.grid_point if discovery else {})},
         )
 
     def _learner_patches(self, backend: str, method: str, combination: Combination) -> dict[str, list[Patch]]:

@@ -10,15 +10,15 @@ from causalbench.report.leaderboard import COLUMNS, leaderboard
 from causalbench.store.cells import State, Status, StoredCell
 
 
-def cell(method: str, seed: int, backend: str = "toy", state: State = "done", **variant: float) -> StoredCell:
+def cell(method: str, seed: int, backend: str = "toy", state: State = "done", **grid_point: float) -> StoredCell:
     identity = {"kind": "learner", "backend": {"name": backend}, "method": {"name": method}, "seed": seed}
-    identity |= {"variant": variant}
+    identity |= {"grid_point": grid_point}
     return StoredCell(f"{backend}-{method}-{seed}", identity, Status(state), Path("nowhere"))
 
 
 def result(method: str, seed: int, auc: float, backend: str = "toy", **more) -> dict:
     return {
-        "method": method, "variant": "", "backend": backend, "seed": seed,
+        "method": method, "grid_point": "", "backend": backend, "seed": seed,
         "success_auc": auc, "success_deterministic": auc,
         "held_rate": None, "steps_to_90": 1000, "discovery_env_steps": 0, "reversals_per_1000_steps": 1.0,
     } | more  # fmt: skip
@@ -41,10 +41,10 @@ def test_one_seed_gives_an_order_and_no_verdict() -> None:
 
 def test_each_variant_of_a_grid_is_ranked_by_itself() -> None:
     scores = {0.9: 0.2, 0.99: 0.7}
-    results = [result("A", s, auc, variant=f"gamma={g}") for g, auc in scores.items() for s in range(5)]
+    results = [result("A", s, auc, grid_point=f"gamma={g}") for g, auc in scores.items() for s in range(5)]
     cells = [cell("A", seed, gamma=gamma) for gamma in scores for seed in range(5)]
     rows = leaderboard(results, [*cells, cell("A", 5, state="failed", gamma=0.9)])
-    assert [(row["rank"], row["method"], row["variant"], row["seeds"], row["failed_cells"]) for row in rows] == [
+    assert [(row["rank"], row["method"], row["grid_point"], row["seeds"], row["failed_cells"]) for row in rows] == [
         (1, "A", "gamma=0.99", 5, 0),
         (2, "A", "gamma=0.9", 5, 1),
     ]

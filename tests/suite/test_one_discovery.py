@@ -20,9 +20,9 @@ def plugins() -> Plugins:
 
 def test_it_is_the_cell_that_the_written_suite_asks_for(plugins: Plugins, tmp_path: Path) -> None:
     section = discovery_section("kl", "paper", {"training_count": 50, "epsilon_cv": 2.0}, plugins)
-    plan, file = plan_discovery("pure_manipulation", "kinematic", 3, section, {"control_hz": 20}, plugins)
+    plan, file = plan_discovery("pure_manipulation", "kinematic", 3, section, {"mobile": False}, plugins)
     (cell,) = plan.cells
-    assert (cell.seed, cell.backend.options, cell.settings.training_count) == (3, {"control_hz": 20}, 50)
+    assert (cell.seed, cell.backend.options, cell.settings.training_count) == (3, {"mobile": False}, 50)
     assert (cell.settings.options.epsilon_cv, cell.settings.options.patience) == (2.0, 0)  # patience: the preset's
     path = tmp_path / "suite.yaml"
     path.write_text(file.source.text)

@@ -163,8 +163,8 @@ grid:
 """
 
 
-def variants(cells: list[Cell]) -> list[tuple[Any, ...]]:
-    return [tuple(cell.variant.values()) for cell in cells]
+def points(cells: list[Cell]) -> list[tuple[Any, ...]]:
+    return [tuple(cell.grid_point.values()) for cell in cells]
 
 
 def test_a_grid_runs_every_combination_of_what_reaches_a_cell(tmp_path: Path, plugins: Plugins) -> None:
@@ -174,14 +174,14 @@ def test_a_grid_runs_every_combination_of_what_reaches_a_cell(tmp_path: Path, pl
         "cmSAC", "cmmSAC", "mSAC", "mPPO",
     )}  # fmt: skip
     rates = [(0.001,), (0.0003,)]
-    assert variants(by_method["mSAC"]) == variants(by_method["cmmSAC"]) == rates
-    assert variants(by_method["mPPO"]) == [(r, n) for (r,) in rates for n in (2, 4)]
-    assert variants(by_method["cmSAC"]) == [(r, n) for (r,) in rates for n in (100, 200)]
-    assert variants([c for c in found if isinstance(c, DiscoveryCell)]) == [(100,), (200,)]
+    assert points(by_method["mSAC"]) == points(by_method["cmmSAC"]) == rates
+    assert points(by_method["mPPO"]) == [(r, n) for (r,) in rates for n in (2, 4)]
+    assert points(by_method["cmSAC"]) == [(r, n) for (r,) in rates for n in (100, 200)]
+    assert points([c for c in found if isinstance(c, DiscoveryCell)]) == [(100,), (200,)]
     for cell in by_method["cmSAC"]:
-        rate, count = cell.variant.values()
+        rate, count = cell.grid_point.values()
         assert (cell.learner.learning_rate, cell.discovery.settings.training_count) == (rate, count)
-        assert cell.identity["variant"] == {"learner.learning_rate": rate, "discovery.training_count": count}
+        assert cell.identity["grid_point"] == {"learner.learning_rate": rate, "discovery.training_count": count}
     assert [c.learner.n_epochs for c in by_method["mPPO"]] == [2, 4, 2, 4]
 
 
@@ -234,7 +234,7 @@ def test_a_suite_without_methods_asks_for_graphs(tmp_path: Path, plugins: Plugin
     found = plan(tmp_path, plugins, text).cells
     assert all(isinstance(cell, DiscoveryCell) for cell in found)
     # `paired` has no epsilon_cv, so that its combinations are the same cells.
-    assert [(c.settings.discoverer, *list(c.variant.values())[1:], c.seed) for c in found] == [
+    assert [(c.settings.discoverer, *list(c.grid_point.values())[1:], c.seed) for c in found] == [
         ("kl", 1.0, 0), ("kl", 1.0, 1), ("kl", 2.0, 0), ("kl", 2.0, 1), ("paired", 0), ("paired", 1)
     ]  # fmt: skip
     shared = text.replace("name: demo", "name: demo\ngraphs: shared")

@@ -14,7 +14,7 @@ EDGE = ("stage", "reward", "action", "selected", "in_policy")
 """The columns that every table of edges has, whatever the discoverer."""
 ORACLE = ("effect", "effect_low", "effect_high", "grade")
 """What an oracle says of an edge; beside what a discoverer found these are `oracle_effect` and so on."""
-RESERVED = ("task", "backend", "variant", "seed", *EDGE, *(f"oracle_{name}" for name in ORACLE))
+RESERVED = ("task", "backend", "grid_point", "seed", *EDGE, *(f"oracle_{name}" for name in ORACLE))
 """Names that no evidence may have, since a table has such a column already."""
 
 
