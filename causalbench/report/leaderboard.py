@@ -19,8 +19,8 @@ Row = dict[str, Any]
 
 COLUMNS = (
     "rank", "method", "grid_point", "backend", "seeds", "success_auc_iqm", "success_auc_iqm_low",
-    "success_auc_iqm_high", "final_success", "held_rate", "steps_to_90", "steps_to_90_with_discovery", "reversals", "p_better_than_next",
-    "p_better_low", "p_better_high", "failed_cells", "verdict",
+    "success_auc_iqm_high", "final_success", "held_rate", "steps_to_90", "steps_to_90_with_discovery", "reversals",
+    "p_better_than_next", "p_better_low", "p_better_high", "failed_cells", "verdict",
 )  # fmt: skip
 FAILED = {"failed", "timeout", "diverged", "skipped"}
 
