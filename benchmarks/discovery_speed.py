@@ -11,11 +11,11 @@ fit. Kinematic, stage 2, whose causes are known. Takes three minutes.
 from __future__ import annotations
 
 import time
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import torch
-from discoveries import Subset
 from torch import nn
 from torch.utils.data import DataLoader, TensorDataset
 
@@ -25,9 +25,12 @@ from causalbench.core.discovery.reward_model.fit import HELD_OUT, train_reward_m
 from causalbench.core.discovery.samples.collect import collect
 from causalbench.core.discovery.samples.transitions import Samples, StageSamples
 from causalbench.core.discovery.settings import DiscoverySettings
+from causalbench.core.discovery.truth.counterfactual import Walk
 from causalbench.core.kinematic import make
 from causalbench.core.tasks.pure_manipulation import TASK
+from causalbench.core.tasks.task import Task
 from causalbench.core.world.batch import make_batch
+from causalbench.core.world.scene import Scene
 
 STAGE, ROUNDS = 2, 5
 CAUSES = {"r_ori": {"armrx", "armry"}, "r_gripper": {"grip"}}
@@ -48,6 +51,49 @@ class RewardModel(nn.Module):
         """Mean and log sigma (n, 1)."""
         hidden = self.body(x)
         return self.mean(hidden), self.log_sigma(hidden).clamp(-4.6, 4.0)
+
+
+@dataclass(frozen=True)
+class Subset:
+    """The `StageProblem` of the first `training_count` samples of each set of one stage."""
+
+    task: Task
+    stage: int
+    settings: DiscoverySettings
+    seed: int
+    whole: StageSamples
+
+    @property
+    def options(self) -> Any:
+        """The discoverer's own."""
+        return self.settings.options
+
+    @property
+    def terms(self) -> tuple[str, ...]:
+        """The stage's."""
+        return self.task.stage_terms(self.stage, discoverable_only=True)
+
+    def samples(self) -> StageSamples:
+        """Nested: what a smaller `training_count` holds, a larger one holds, too."""
+        count = self.settings.training_count
+        inference = self.whole.inference.first(round(self.settings.inference_fraction * count))
+        interventions = tuple(samples.first(count) for samples in self.whole.interventions)
+        extra = self.whole.extra and self.whole.extra.first(count)
+        return StageSamples(self.whole.random.first(count), inference, interventions, extra)
+
+    def scene(self) -> Scene:
+        """Samples are all there is."""
+        raise NotImplementedError
+
+    def walk(self, rng: np.random.Generator) -> Walk:
+        """Nor is there a walk."""
+        raise NotImplementedError
+
+    def keep(self, name: str, samples: Samples) -> None:
+        """Nothing is kept."""
+
+    def report(self, share: float, doing: str) -> None:
+        """No progress."""
 
 
 def gather() -> StageSamples:

@@ -1,0 +1,12 @@
+"""What discoverers find in more and more samples, against the oracle.
+
+    python studies/discovery_curve/analysis.py runs/discovery_curve-quick
+"""
+
+import sys
+from pathlib import Path
+
+from causalbench.report.edge_scores import edge_scores, read_edges
+
+edges = read_edges(Path(sys.argv[1]))
+print(edge_scores(edges, ["backend", "variant"]).to_string())
