@@ -1,6 +1,6 @@
 """What discoverers find in more and more samples, against the oracle.
 
-    python studies/discovery_curve/analysis.py runs/discovery_curve-quick
+python studies/discovery_curve/analysis.py runs/discovery_curve-quick
 """
 
 import sys

@@ -1,6 +1,6 @@
 """What each discoverer finds on each simulator, against the oracle.
 
-    python studies/discovery_methods/analysis.py runs/discovery_methods-quick
+python studies/discovery_methods/analysis.py runs/discovery_methods-quick
 """
 
 import sys

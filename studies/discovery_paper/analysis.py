@@ -1,6 +1,6 @@
 """What the paper's preset finds beside the default, against the oracle.
 
-    python studies/discovery_paper/analysis.py runs/discovery_paper-quick
+python studies/discovery_paper/analysis.py runs/discovery_paper-quick
 """
 
 import sys

@@ -1,6 +1,6 @@
 """What is found on each simulator, against the oracle.
 
-    python studies/discovery_seeds/analysis.py runs/discovery_seeds-quick
+python studies/discovery_seeds/analysis.py runs/discovery_seeds-quick
 """
 
 import sys
