@@ -11,6 +11,7 @@ import pytest
 import causalbench
 from causalbench.core.discovery.methods.kl.settings import KLSettings
 from causalbench.core.discovery.settings import DiscoverySettings
+from causalbench.core.learners.sac.settings import SACSettings
 from causalbench.core.learners.settings import EvaluationSettings
 from causalbench.errors import UserError
 
@@ -38,6 +39,21 @@ def test_a_policy_observes_what_its_environment_does() -> None:
     trained = causalbench.train(env, "mSAC", env_steps=20, evaluation=EvaluationSettings(final_episodes=1))
     assert len(trained.policy.scale.low) == env.observation_space["state"].shape[0]
     assert [e.env_steps for e in trained.evaluations] == [trained.counts.env_steps] == [20]
+
+
+@pytest.mark.parametrize(
+    ("options", "method", "settings", "message"),
+    [
+        ({}, "mPPO", SACSettings(), "learner 'PPO' takes PPOSettings, got SACSettings"),
+        ({"observe": "paper"}, "SAC", None, "'SAC' reads the state alone: it cannot have `observation: paper`"),
+    ],
+)
+def test_settings_that_a_method_cannot_have_are_refused(
+    options: dict, method: str, settings: object, message: str
+) -> None:
+    env = causalbench.make_env(**options)
+    with pytest.raises(UserError, match=message):
+        causalbench.train(env, method, env_steps=10, settings=settings)
 
 
 def test_an_environment_of_another_kind_is_refused() -> None:

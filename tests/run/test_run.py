@@ -259,7 +259,7 @@ LEARNERS = ("cmSAC", "cmmSAC", "mSAC", "cSAC", "cmPPO", "cmmPPO", "mPPO")
 def test_kill_9_at_twenty_instants_of_every_learner(
     backend: str, tiny_suite: Path, command: list[str], tmp_path: Path
 ) -> None:
-    """A kill comes within what training all learners takes in one go; stock rows keep no checkpoints."""
+    """A kill comes within what training all learners takes in one go; stable-baselines3's keep no checkpoints."""
     suite = tmp_path / "tiny.yaml"
     text = tiny_suite.read_text().replace("env_steps: 120", "env_steps: 300").replace("every: 60", "every: 150")
     text = text.replace("[kinematic]", f"[{backend}]").replace("cmSAC, mSAC", ", ".join(LEARNERS))

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import MISSING, Field, asdict, dataclass, field, fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
@@ -20,6 +20,7 @@ from causalbench.core.learners.records import Evaluation, TrainingCounts
 from causalbench.core.learners.sac import settings as sac
 from causalbench.core.learners.sb3 import settings as sb3
 from causalbench.core.learners.settings import EvaluationSettings, observed
+from causalbench.errors import UserError
 
 if TYPE_CHECKING:  # importing the built-in plugins loads this table, which thus must need neither torch nor Gymnasium
     from causalbench.core.discovery.graph import CausalGraph
@@ -115,6 +116,17 @@ class Learner:
     modules: tuple[str, ...] = ()
     extra: str = ""
     load_policy: Callable[[Path], Policy] | None = None
+
+    def __post_init__(self) -> None:
+        if not is_dataclass(self.settings) or not all(map(_has_default, fields(self.settings))):
+            raise UserError(f"learner {self.name!r}: settings must be a dataclass whose fields have defaults")
+        for preset, record in self.presets.items():
+            if not isinstance(record, self.settings):
+                raise UserError(f"learner {self.name!r}: preset {preset!r} is no {self.settings.__name__}")
+
+
+def _has_default(setting: Field[Any]) -> bool:
+    return setting.default is not MISSING or setting.default_factory is not MISSING
 
 
 def _staged(module: str, name: str) -> Callable[[TrainingProblem], Trained]:
