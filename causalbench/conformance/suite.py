@@ -99,7 +99,7 @@ CHECKS = (
     Check(drive.s40_room, MOBILE),
     Check(drive.s41_arc, MOBILE),
     Check(drive.s42_base_velocity, MOBILE),
-    Check(drive.s43_lidar, (*MOBILE, Capability.LIDAR)),
+    Check(drive.s43_lidar, (Capability.LIDAR,)),
     Check(drive.s44_lidar_fixtures_only, (*MOBILE, Capability.LIDAR)),
     Check(drive.s45_base_collision, MOBILE),
     Check(drive.s46_snapshot_drive, MOBILE),

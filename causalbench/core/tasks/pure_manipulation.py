@@ -72,8 +72,7 @@ TERMS = (
     Term("r_collision_self", ALL_STAGES, False, "the robot touches itself"),
     Term("r_success", ALL_STAGES, False, "bonus for a step into a later stage or to success"),
 )
-# By stage and term, 0 where the term is not active. An argument of the compiled functions: those are cached on disk by
-# this file's date, so that constants from elsewhere must not be baked into them.
+# By stage and term, 0 where the term is not active.
 SCALE = active_terms(TERMS, N_STAGES) * np.array(
     [*[SCALES.distance] * 3, SCALES.angle, SCALES.distance, 1.0, *[-SCALES.collision] * 2, SCALES.stage_bonus]
 )

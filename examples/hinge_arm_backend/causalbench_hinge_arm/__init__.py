@@ -7,8 +7,8 @@ from collections.abc import Callable
 from causalbench.backend import Backend, Capability, Scene, Variant, hookimpl
 
 ENGINE, ROBOT = "MuJoCo", "six-hinge arm"
-MODULES = ("mujoco",)
-CAPABILITIES = frozenset({Capability.EXACT_RESTORE, Capability.PHYSICS})
+MODULES = ("mujoco", "causalbench_mujoco")
+CAPABILITIES = frozenset({Capability.EXACT_RESTORE, Capability.LIDAR, Capability.PHYSICS, Capability.RGB})
 
 
 def make() -> Scene:

@@ -48,10 +48,12 @@ def arm_spec(
     control_hz: float,
     timestep: float,
     capabilities: frozenset[Capability],
+    lidar_position: tuple[float, float, float] | None = None,
 ) -> SceneSpec:
     """The spec of an arm on a base that stands, with all actions of the arm at their default speeds.
 
-    `version` is the backend's own. Raises `UserError` unless a control step takes a whole number of timesteps.
+    `version` is the backend's own; `lidar_position` goes with the capability `LIDAR`. Raises `UserError` unless a
+    control step takes a whole number of timesteps.
     """
     return SceneSpec(
         backend=backend,
@@ -66,6 +68,7 @@ def arm_spec(
         control_dt=stepping.whole_substeps(control_hz, timestep) * timestep,
         timestep=timestep,
         capabilities=capabilities,
+        lidar_position=lidar_position,
     )
 
 

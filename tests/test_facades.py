@@ -1,0 +1,45 @@
+"""What authors of backends import: the facade is whole, costs little, and is all that pages and examples use."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from causalbench import backend
+
+ROOT = Path(__file__).parents[1]
+OPEN = re.compile(r"causalbench(\.backend|\.core\.kit(\.\w+)*|\.conformance\.testing)?")
+PLACES = [
+    *(ROOT / "examples" / "hinge_arm_backend").rglob("*.py"),
+    *(ROOT / "causalbench" / "scaffold" / "template").rglob("*.template"),
+    ROOT / "docs" / "plugins.md",
+    ROOT / "docs" / "tutorial_backend.md",
+]
+
+
+@pytest.mark.parametrize("name", backend.__all__)
+def test_every_name_of_the_facade_is_there(name: str) -> None:
+    assert getattr(backend, name) is not None
+
+
+def test_a_name_that_is_not_there_is_an_attribute_error() -> None:
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        backend.nothing  # noqa: B018
+
+
+def test_the_facade_imports_neither_simulators_nor_what_takes_time() -> None:
+    heavy = ("torch", "numba", "gymnasium", "mujoco", "pybullet", "stable_baselines3", "scipy", "matplotlib")
+    script = f"import sys, causalbench.backend; print([name for name in {heavy} if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"
+
+
+@pytest.mark.parametrize("place", PLACES, ids=lambda place: str(place.relative_to(ROOT)))
+def test_pages_and_examples_import_the_facade_and_the_kit_alone(place: Path) -> None:
+    found = re.findall(r"^\s*(?:from|import) (causalbench[\w.]*)", place.read_text(), re.MULTILINE)
+    ours = [name for name in found if re.match(r"causalbench(\.|$)", name)]
+    assert [name for name in ours if not OPEN.fullmatch(name)] == []
