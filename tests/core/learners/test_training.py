@@ -67,6 +67,20 @@ def test_every_method_trains_and_is_a_function_of_its_seed(name):
     assert not torch.equal(weights, different)
 
 
+@pytest.mark.parametrize("name", ["cmmSAC", "cSAC", "cmmPPO"])
+def test_both_engines_train_the_same_policy(name):
+    """In whole trainings, where a difference in rounding changes the next actions, too."""
+    learner = METHOD[name].learner
+    settings = {"SAC": TINY, "PPO": TINY_PPO}[learner]
+    (fused, _, _), (autograd, counts, _) = (
+        _train(name, settings=dataclasses.replace(settings, engine=engine)) for engine in ("fused", "autograd")
+    )
+    assert counts.updates[1] > 10
+    for one, other in zip(fused.actors, autograd.actors, strict=True):
+        for w, v in zip(one, other, strict=True):
+            torch.testing.assert_close(w, v, atol=1e-3, rtol=1e-3)
+
+
 def test_training_leaves_global_random_states_alone():
     np_state, torch_state = np.random.get_state()[1].copy(), torch.get_rng_state()  # noqa: NPY002 - it is the subject
     _train("cmSAC")

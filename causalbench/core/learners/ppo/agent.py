@@ -28,11 +28,14 @@ ADAM_EPSILON = 1e-5  # as in SB3
 class Engine(Protocol):
     """What writes the gradients of the losses where the optimiser looks for them."""
 
-    def judge(self, networks: PPONetworks, batch: Samples) -> Judged: ...  # noqa: D102
+    def judge(self, networks: PPONetworks, batch: Samples) -> Judged:
+        """The batch under the policy of now."""
 
-    def policy_gradient(self, networks: PPONetworks, batch: Samples, judged: Judged) -> Tensor: ...  # noqa: D102
+    def policy_gradient(self, networks: PPONetworks, batch: Samples, judged: Judged) -> Tensor:
+        """Of `losses.policy_loss` less `ent_coef` times the entropy, by mean and log std; returns the policy loss."""
 
-    def value_gradient(self, networks: PPONetworks, batch: Samples) -> Tensor: ...  # noqa: D102
+    def value_gradient(self, networks: PPONetworks, batch: Samples) -> Tensor:
+        """Of `vf_coef` times `losses.value_loss` by the values' weights; returns that loss."""
 
 
 ENGINES: Mapping[str, Engine] = {"fused": fused, "autograd": autograd}

@@ -29,17 +29,19 @@ EXPLODED = 1e10  # loss at which training has diverged: values are wrong by abou
 class Engine(Protocol):
     """What writes the gradients of the losses where the optimisers look for them."""
 
-    def draw(self, networks: SACNetworks, obs: Tensor, noise: Tensor) -> Drawn: ...  # noqa: D102
+    def draw(self, networks: SACNetworks, obs: Tensor, noise: Tensor) -> Drawn:
+        """Actions of the policy at `obs` (batch, n_obs); `noise` (batch, n_actions)."""
 
-    def critic_gradient(  # noqa: D102
-        self, networks: SACNetworks, batch: Batch, following: Drawn, alpha: Tensor
-    ) -> Tensor: ...
+    def critic_gradient(self, networks: SACNetworks, batch: Batch, following: Drawn, alpha: Tensor) -> Tensor:
+        """Of `losses.critic_loss` by the critics' weights; returns that loss."""
 
-    def actor_gradient(  # noqa: D102
+    def actor_gradient(
         self, networks: SACNetworks, obs: Tensor, drawn: Drawn, alpha: Tensor, following: SACNetworks | None
-    ) -> Tensor: ...
+    ) -> Tensor:
+        """Of `losses.actor_loss` by the actor's weights; returns that loss."""
 
-    def alpha_gradient(self, networks: SACNetworks, log_prob: Tensor) -> None: ...  # noqa: D102
+    def alpha_gradient(self, networks: SACNetworks, log_prob: Tensor) -> None:
+        """Of `losses.alpha_loss` by the logarithm of the temperature."""
 
 
 ENGINES: Mapping[str, Engine] = {"fused": fused, "autograd": autograd}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import torch
 from torch import Tensor
 
 from causalbench.core.learners.sac import losses
@@ -18,12 +17,7 @@ def draw(networks: SACNetworks, obs: Tensor, noise: Tensor) -> Drawn:
 
 def critic_gradient(networks: SACNetworks, batch: Batch, following: Drawn, alpha: Tensor) -> Tensor:
     """Write the critics' gradient of `losses.critic_loss` and return that loss."""
-    with torch.no_grad():
-        next_q = networks.twins(networks.targets.forward(batch.next_obs, following.action).outputs)
-    target = losses.bellman_target(
-        batch.rewards, batch.done, losses.lesser_twin(next_q, networks.joint_twin)[0], following.log_prob, alpha,
-        networks.settings.gamma, networks.entropy,
-    )  # fmt: skip
+    target = networks.target(batch, following, alpha)
     critics = networks.critics.recorded()
     loss = losses.critic_loss(networks.twins(critics.forward(batch.obs, batch.actions).outputs), target)
     differentiate(loss, critics.weights, critics.gradients)

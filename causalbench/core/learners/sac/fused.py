@@ -22,11 +22,7 @@ def draw(networks: SACNetworks, obs: Tensor, noise: Tensor) -> Drawn:
 
 def critic_gradient(networks: SACNetworks, batch: Batch, following: Drawn, alpha: Tensor) -> Tensor:
     """Write the critics' gradient of `losses.critic_loss` and return that loss."""
-    next_q = networks.twins(networks.targets.forward(batch.next_obs, following.action).outputs)
-    target = losses.bellman_target(
-        batch.rewards, batch.done, losses.lesser_twin(next_q, networks.joint_twin)[0], following.log_prob, alpha,
-        networks.settings.gamma, networks.entropy,
-    )  # fmt: skip
+    target = networks.target(batch, following, alpha)
     passed = networks.critics.forward(batch.obs, batch.actions)
     error = networks.twins(passed.outputs) - target
     networks.critics.backward(passed, (error / len(batch.obs)).view(passed.outputs.mT.shape).mT)

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import torch
 from torch import Tensor
 
 Critics = Callable[[Tensor, Tensor], Tensor]
@@ -33,7 +32,6 @@ def lesser_twin(q: Tensor, joint_twin: bool) -> tuple[Tensor, Tensor]:
     return q.gather(0, which[None])[0], which
 
 
-@torch.no_grad()
 def bellman_target(
     rewards: Tensor, done: Tensor, next_q: Tensor, next_log_prob: Tensor, alpha: Tensor, gamma: float, entropy: Tensor
 ) -> Tensor:
@@ -62,10 +60,10 @@ def causal_value(critics: Critics, obs: Tensor, action: Tensor, mask: Tensor, jo
 
 
 def cooperative_value(own: Tensor, following: Tensor, scales: tuple[float, float], weight: float) -> Tensor:
-    """cSAC's convex combination m_i * ((1 - w) * Q_i / m_i + w * Q_{i+1} / m_{i+1}) of two stages' values.
+    """cSAC's convex combination z_i * ((1 - w) * Q_i / z_i + w * Q_{i+1} / z_{i+1}) of two stages' values.
 
-    After Erskine and Lehnert 2022, our reading: `scales` are m_i and m_{i+1}, running means of both values' sizes on
-    this stage's states. The factor m_i keeps the temperature's meaning.
+    After Erskine and Lehnert 2022, our reading: `scales` are z_i and z_{i+1}, running means of both values' sizes on
+    this stage's states. The factor z_i keeps the temperature's meaning.
     """
     return (1 - weight) * own + weight * scales[0] / scales[1] * following
 

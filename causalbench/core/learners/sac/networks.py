@@ -9,6 +9,8 @@ import torch
 from torch import Tensor
 
 from causalbench.core.learners.causal_gradient import StagePlan
+from causalbench.core.learners.sac import losses
+from causalbench.core.learners.sac.buffer import Batch
 from causalbench.core.learners.sac.settings import SACSettings
 from causalbench.core.networks.encoded import network
 from causalbench.core.networks.encoder import Encoder
@@ -68,6 +70,13 @@ class SACNetworks:
         """(2, n_critics, batch) q of both twins from the critics' outputs (2 * n_nets, batch, n_heads)."""
         return outputs.mT.reshape(2, len(self.mask), -1)
 
+    @torch.no_grad()
+    def target(self, batch: Batch, following: Drawn, alpha: Tensor) -> Tensor:
+        """(n_critics, batch) that the critics are to learn; `following` are the policy's actions at the next states."""
+        q = self.twins(self.targets.forward(batch.next_obs, following.action).outputs)
+        next_q, gamma = losses.lesser_twin(q, self.joint_twin)[0], self.settings.gamma
+        return losses.bellman_target(batch.rewards, batch.done, next_q, following.log_prob, alpha, gamma, self.entropy)
+
     def q(self, obs: Tensor, action: Tensor) -> Tensor:
         """(2, n_critics, batch) q of both twins; `action` (n_critics, batch, n_actions) has one for each critic."""
         n_critics, n = len(self.mask), len(obs)
@@ -78,7 +87,7 @@ class SACNetworks:
         return outputs.reshape(2, n_critics, n, n_critics).diagonal(dim1=1, dim2=3).mT
 
     def scales(self, own: Tensor, following: Tensor) -> tuple[float, float]:
-        """m_i and m_{i+1}, the running sizes of both stages' values, after those of a batch (batch,) joined them."""
+        """z_i and z_{i+1}, the running sizes of both stages' values, after those of a batch (batch,) joined them."""
         self.own_scale = _running(self.own_scale, own)
         self.next_scale = _running(self.next_scale, following)
         return max(self.own_scale, LEAST_SCALE), max(self.next_scale, LEAST_SCALE)
