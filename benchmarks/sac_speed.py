@@ -22,15 +22,16 @@ from stable_baselines3.common.logger import configure
 from timing import seconds_per_update
 
 from causalbench.core.discovery.graph import manual_graph
-from causalbench.core.learners.causal_gradient import Critics, stage_plan
+from causalbench.core.learners.causal_gradient import stage_plan
 from causalbench.core.learners.methods import METHODS
 from causalbench.core.learners.sac.agent import SACAgent
 from causalbench.core.learners.sac.settings import SACSettings
+from causalbench.core.learners.settings import CriticLayout
 from causalbench.core.tasks.pure_manipulation import TASK
 
 N_OBS, SAMPLES, TURNS = 16, 10_000, 7
 SIDE = 512  # of the matrices that show the core's peak
-CAUSAL: tuple[Critics, ...] = ("rows", "heads")
+CAUSAL: tuple[CriticLayout, ...] = ("rows", "heads")
 Engine = Literal["fused", "autograd"]
 ENGINES: tuple[Engine, ...] = ("fused", "autograd")
 SETTINGS = (((64, 64), 256, 60), ((256, 256), 256, 20), ((512, 512), 512, 6))  # networks, batch, updates a turn
@@ -64,7 +65,7 @@ def ours(
     stage: int,
     net_arch: tuple[int, ...],
     batch_size: int,
-    critics: Critics = "rows",
+    critics: CriticLayout = "rows",
     engine: Engine = "fused",
 ) -> Callable[[int], None]:
     """One stage's agent of a method with a full buffer; a function that does n updates."""

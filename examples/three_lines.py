@@ -1,8 +1,8 @@
 """Discover a causal graph, train on it, and keep the policy: python examples/three_lines.py (some minutes)."""
 
 import causalbench
-from causalbench.core.discovery.settings import DiscoverySettings
-from causalbench.core.learners.settings import EvaluationSettings
+from causalbench.discoverer import DiscoverySettings
+from causalbench.learner import EvaluationSettings
 
 ENV_STEPS, FOLDER = 20_000, "policy"
 DISCOVERY, EVALUATION = DiscoverySettings(), EvaluationSettings()

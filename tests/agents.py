@@ -6,7 +6,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from causalbench.core.learners.causal_gradient import Critics, StagePlan
+from causalbench.core.learners.causal_gradient import StagePlan
+from causalbench.core.learners.settings import CriticLayout
 
 MATRIX = [[1, 0, 1], [0, 1, 1], [1, 1, 0]]
 """Actions by reward terms: none has the row of another, and every term has two causes."""
@@ -24,7 +25,7 @@ class Form(NamedTuple):
     """A plan, and how its critics are built."""
 
     plan: StagePlan
-    critics: Critics = "rows"
+    critics: CriticLayout = "rows"
 
 
 FORMS = {

@@ -1,4 +1,4 @@
-"""The hooks a plugin may implement. Nothing here does anything; see docs/plugins.md for a worked example.
+"""The hooks a plugin may implement. Nothing here does anything; docs/how-to says how, examples/ has one of each.
 
 A plugin is a distribution with an entry point in the group "causalbench" that names a module with
 functions decorated by `hookimpl`. Importing that module must not import a simulator.

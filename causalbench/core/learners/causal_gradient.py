@@ -9,17 +9,14 @@ networks ("rows"). One critic per term ("terms") is the literal form and stays a
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from causalbench.core.discovery.graph import CausalGraph
 from causalbench.core.learners.methods import Method
+from causalbench.core.learners.settings import CriticLayout
 from causalbench.core.tasks.task import Task
-
-Critics = Literal["rows", "heads", "terms"]
-"""One critic per distinct row of the matrix, the same as heads of one network, or one critic per reward term."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +51,7 @@ def stage_plan(
     method: Method,
     graph: CausalGraph | None,
     stage: int,
-    critics: Literal["rows", "heads", "terms"] = "rows",
+    critics: CriticLayout = "rows",
 ) -> StagePlan:
     """The plan of `method` for one stage (1-based); `graph` may be None for methods without a matrix."""
     n_actions = len(task.actions)

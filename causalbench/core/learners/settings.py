@@ -8,6 +8,9 @@ from typing import Annotated, Any, Literal
 
 from annotated_types import Gt
 
+CriticLayout = Literal["rows", "heads", "terms"]
+"""One critic per distinct row of the matrix, the same as heads of one network, or one critic per reward term."""
+
 
 @dataclass(frozen=True)
 class StagedSettings:

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from annotated_types import Ge, Gt, Le
 
-from causalbench.core.learners.settings import StagedSettings
+from causalbench.core.learners.settings import CriticLayout, StagedSettings
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class SACSettings(StagedSettings):
     updates_per_sample: Annotated[float, Gt(0)] = 0.25
     ent_coef_init: Annotated[float, Gt(0)] = 0.05  # entropy start; SB3's "auto" starts at 1.0
     cooperation_weight: Annotated[float, Ge(0), Le(1)] = 0.3  # share of the next stage's critic in cSAC
-    critics: Literal["rows", "heads", "terms"] = "rows"  # a critic per distinct matrix row (heads: of one net) or term
+    critics: CriticLayout = "rows"  # a critic per distinct matrix row (heads: of one net) or term
     engine: Literal["fused", "autograd"] = "fused"  # its losses' gradients: written out, or by autograd
 
 
