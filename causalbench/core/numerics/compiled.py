@@ -105,8 +105,8 @@ def _depending(function: Any) -> Callable[..., Any]:
 def _digest(function: Any) -> str:
     """Digest of all that the functions of a module may have compiled in, of which `function` is the latest.
 
-    That is its source and its constants, constants and fields of records that it imports, and the digests of modules
-    with compiled functions that it imports from: imports come first and make no circles, so those are complete.
+    That is its source and its constants; constants, records and external functions that it imports; and the digests of
+    modules with compiled functions that it imports from: imports come first and make no circles, so those are complete.
     """
     names, own = function.__globals__, function.__module__
     modules = [value for value in names.values() if isinstance(value, ModuleType)]
@@ -114,11 +114,23 @@ def _digest(function: Any) -> str:
     digest = hashlib.sha256("".join(sorted(_DIGESTS[name] for name in _DIGESTS.keys() & origins - {own})).encode())
     source = Path(function.__code__.co_filename)
     digest.update(source.read_bytes() if source.exists() else b"typed in")
-    for space in (names, *map(vars, modules)):
-        facts = {name: _baked(value) for name, value in space.items() if name.strip("_").isupper()}
-        digest.update(repr(sorted((name, fact) for name, fact in facts.items() if fact)).encode())
-    digest.update(repr([getattr(value, "_fields", "") for value in names.values() if isinstance(value, type)]).encode())
+    digest.update("".join([_constants(names), *map(_constants_of, modules)]).encode())
+    # Fields of records and what external functions take.
+    shapes = [getattr(value, "_fields", None) or getattr(value, "sig", None) for value in names.values()]
+    digest.update(repr([str(shape) for shape in shapes if shape]).encode())
     return digest.hexdigest()
+
+
+def _constants(names: dict[str, Any]) -> str:
+    """Those of a module's names that are written in capitals, with their values."""
+    facts = {name: _baked(value) for name, value in names.items() if name.strip("_").isupper()}
+    return repr(sorted((name, fact) for name, fact in facts.items() if fact))
+
+
+@functools.cache
+def _constants_of(module: ModuleType) -> str:
+    """As `_constants`, of a module that has been imported to its end."""
+    return _constants(vars(module))
 
 
 def _baked(value: Any) -> str:

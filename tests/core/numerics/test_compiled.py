@@ -125,6 +125,11 @@ def test_the_folder_of_the_cache_is_numbas_own_answer() -> None:
 PARTS = {
     "constants.py": "FACTOR, TABLE = 2.0, (3.0, 4.0)\n",
     "records.py": "from typing import NamedTuple\nclass Pair(NamedTuple):\n    first: float\n    second: float\n",
+    "library.py": """
+import ctypes.util
+from causalbench.core.numerics.compiled import external
+flush = external(ctypes.util.find_library("m"), "fesetround", "int32")
+""",
     "inner.py": """
 from causalbench.core.numerics.compiled import compiled
 from constants import FACTOR
@@ -144,10 +149,12 @@ import numpy as np
 import constants
 from causalbench.core.numerics.compiled import compiled
 from causalbench.core.numerics.gufunc import broadcast
+from library import flush
 from middle import twice
 from records import Pair
 @compiled
 def tabled(x):
+    flush(0)
     return x * constants.TABLE[1]
 @compiled
 def first(pair):
@@ -177,6 +184,7 @@ def run_parts(folder: Path) -> tuple[str, bool]:
         ("inner.py", "FACTOR * x", "FACTOR * x + 1", "6.0 4.0 18.0 5.0"),
         ("constants.py", "2.0", "7.0", "14.0 4.0 56.0 5.0"),
         ("constants.py", "4.0", "9.0", "4.0 9.0 36.0 5.0"),
+        ("library.py", "int32", "address", "4.0 4.0 16.0 5.0"),
         ("records.py", "first: float\n    second: float", "second: float\n    first: float", "4.0 4.0 16.0 5.0"),
     ],
 )
