@@ -1,16 +1,35 @@
-"""Atomic files: written under a temporary name, then moved, so that a reader sees the old content or the new."""
+"""Atomic files: written under a temporary name, then moved, so that a reader sees the old content or the new.
+
+What stands at the target is replaced, never written into: a link there is replaced by the file, and what it points to
+stays as it is.
+"""
 
 from __future__ import annotations
 
 import json
 import os
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-TEMPORARY = ".*.tmp"
-"""Pattern of the temporary names; such a path is left behind only by a process that was killed while it wrote."""
+TEMPORARY = ".causalbench-tmp"
+"""What a temporary name has before its suffix; only a process that was killed while it wrote leaves such a path."""
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """A temporary path to make a file at, which then replaces `path`; after an error that stays as it was."""
+    temporary = _temporary(path)
+    remove(temporary)
+    try:
+        yield temporary
+        with temporary.open("rb+") as file:
+            os.fsync(file.fileno())
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
 
 
 def write_text(path: Path, text: str) -> None:
@@ -20,12 +39,8 @@ def write_text(path: Path, text: str) -> None:
 
 def write_bytes(path: Path, content: bytes) -> None:
     """Replace the file `path` by `content`, as a whole or not at all."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    with temporary.open("wb") as file:
+    with replacing(path) as temporary, temporary.open("xb") as file:
         file.write(content)
-        file.flush()
-        os.fsync(file.fileno())
-    os.replace(temporary, path)
 
 
 def write_json(path: Path, content: Any) -> None:
@@ -35,9 +50,27 @@ def write_json(path: Path, content: Any) -> None:
 
 def write_folder(path: Path, fill: Callable[[Path], None]) -> None:
     """Make the folder `path` by `fill(temporary folder)`; it appears only when it is complete."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    shutil.rmtree(temporary, ignore_errors=True)
+    temporary = _temporary(path)
+    remove(temporary)
     temporary.mkdir()
     fill(temporary)
-    shutil.rmtree(path, ignore_errors=True)
+    remove(path)
     os.replace(temporary, path)
+
+
+def remove(path: Path) -> None:
+    """Delete a file, a link (never what it points to) or a whole folder; nothing happens if there is none."""
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)
+
+
+def sweep(folder: Path) -> None:
+    """Delete what a killed process was writing into `folder`; folders inside it are not entered."""
+    for path in [*folder.glob(f".*{TEMPORARY}*")]:
+        remove(path)
+
+
+def _temporary(path: Path) -> Path:
+    return path.with_name(f".{path.stem}.{os.getpid()}{TEMPORARY}{path.suffix}")

@@ -74,3 +74,7 @@ class SuiteError(UserError):
 
 class RunFolderError(UserError):
     """Raised when a run folder cannot be written, is in use, or holds what cannot be compared with the new cells."""
+
+
+class DamagedFileError(RunFolderError):
+    """Raised when a file of a run folder is missing, cut off, or not the one that was written."""

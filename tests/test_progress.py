@@ -11,7 +11,8 @@ from rich.console import Console
 from causalbench.cli.progress import LineView, QuietView, TableView, choose_view
 from causalbench.plugins.manager import load_plugins
 from causalbench.run.cell import Progress
-from causalbench.store.cells import RunFolder, Status
+from causalbench.store.cells import Status
+from causalbench.store.run_folder import RunFolder
 from causalbench.suite.cells import Cell
 from causalbench.suite.plan import make_plan
 from causalbench.suite.schema import load_suite

@@ -61,11 +61,10 @@ def _run(
     out: Path, jobs: int, quiet: bool,
 ) -> None:  # fmt: skip
     from causalbench.cli.terminal_tables import print_graph, print_oracle, print_unfinished
-    from causalbench.core.discovery.graph import CausalGraph
     from causalbench.plugins.manager import installed
     from causalbench.run.cell import Keeping
     from causalbench.run.session import Execution
-    from causalbench.store.cells import RunFolder
+    from causalbench.store.run_folder import RunFolder
     from causalbench.suite.one_discovery import plan_discovery
 
     plan, file = plan_discovery(task, backend, seed, section, options, installed())
@@ -75,7 +74,7 @@ def _run(
     if status.state != "done":
         print_unfinished({cell.id: status}, run.path)
         raise typer.Exit(EXIT_FAILED)
-    graph = CausalGraph.load(run.folder(cell) / "graph.json")
+    graph = run.stored(cell).graph()
     print_graph(graph, run.folder(cell))
     if graph.oracle:
         print_oracle(graph, run.folder(cell))

@@ -11,7 +11,7 @@ from causalbench.cli.options import EXIT_INTERRUPTED
 
 if TYPE_CHECKING:
     from causalbench.run.session import Execution
-    from causalbench.store.cells import RunFolder
+    from causalbench.store.run_folder import RunFolder
     from causalbench.suite.plan import Plan
     from causalbench.suite.schema import SuiteFile
 
@@ -25,7 +25,7 @@ def use_one_thread_each() -> None:
 def execute(plan: Plan, folder: RunFolder, file: SuiteFile, execution: Execution, quiet: bool) -> None:
     """Run what `plan` lacks in `folder` and write its tables. Raises `typer.Exit` when it is interrupted."""
     from causalbench.cli.progress import choose_view
-    from causalbench.cli.terminal_tables import progress_console
+    from causalbench.cli.terminal_tables import print_problems, progress_console
     from causalbench.plugins.manager import installed
     from causalbench.report.figures import write_run_figures
     from causalbench.report.tables import write_tables
@@ -37,6 +37,7 @@ def execute(plan: Plan, folder: RunFolder, file: SuiteFile, execution: Execution
         write_tables(folder)
         write_run_figures(folder)
 
+    print_problems([folder])
     try:
         run_plan(plan, folder, file, installed(), execution, view, report)
     except KeyboardInterrupt:

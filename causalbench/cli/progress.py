@@ -13,7 +13,8 @@ from rich.table import Table
 
 from causalbench.run.cell import Progress
 from causalbench.run.view import View
-from causalbench.store.cells import RunFolder, Status
+from causalbench.store.cells import Status
+from causalbench.store.run_folder import RunFolder
 from causalbench.suite.cells import Cell, DiscoveryCell
 
 COLOURS = {

@@ -15,11 +15,12 @@ def leaderboard(
     as_json: AsJson = False,
 ) -> None:
     """Print the leaderboard of one run, or of several that can be compared."""
-    from causalbench.cli.terminal_tables import print_known_gaps, print_leaderboard
+    from causalbench.cli.terminal_tables import print_known_gaps, print_leaderboard, print_problems
     from causalbench.report.tables import merged_leaderboard
-    from causalbench.store.cells import RunFolder
+    from causalbench.store.run_folder import RunFolder
 
     folders = [RunFolder(path) for path in runs]
+    print_problems(folders)
     rows = merged_leaderboard(folders)
     if as_json:
         print_json(rows)
@@ -34,8 +35,11 @@ def play(
     episodes: Annotated[int, typer.Option(min=1, help="Episodes of each policy.")] = 1,
 ) -> None:
     """Film trained policies of a run: videos/*.mp4 in its folder."""
+    from causalbench.cli.terminal_tables import print_problems
     from causalbench.run.play import play
-    from causalbench.store.cells import RunFolder
+    from causalbench.store.run_folder import RunFolder
 
-    for path in play(RunFolder(run), only or (), episodes):
+    folder = RunFolder(run)
+    print_problems([folder])
+    for path in play(folder, only or (), episodes):
         typer.echo(path)

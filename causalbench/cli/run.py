@@ -23,7 +23,7 @@ from causalbench.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from causalbench.store.cells import RunFolder
+    from causalbench.store.run_folder import RunFolder
     from causalbench.suite.plan import Plan
     from causalbench.suite.schema import SuiteFile
 
@@ -86,10 +86,11 @@ def plan(
     as_json: AsJson = False,
 ) -> None:
     """Show what `run` would do, with times estimated from cells that have run."""
-    from causalbench.cli.terminal_tables import print_plan
+    from causalbench.cli.terminal_tables import print_plan, print_problems
     from causalbench.run.session import estimate_seconds, status_in
 
     chosen, folder, _ = _plan(suite, tier, seeds, only, out)
+    print_problems([folder])
     estimates = estimate_seconds(chosen, folder)
     rows = [
         {
@@ -110,7 +111,7 @@ def _plan(
     suite: Path, tier: str, seeds: int | None, only: list[str] | None, out: Path | None
 ) -> tuple[Plan, RunFolder, SuiteFile]:
     from causalbench.plugins.manager import installed
-    from causalbench.store.cells import RunFolder
+    from causalbench.store.run_folder import RunFolder
     from causalbench.suite.plan import make_plan
     from causalbench.suite.schema import load_suite
 

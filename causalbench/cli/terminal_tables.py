@@ -15,7 +15,8 @@ from causalbench.core.discovery.graph import CausalGraph, StageGraph
 from causalbench.plugins.backends import Variant
 from causalbench.plugins.manager import Plugins
 from causalbench.run.doctor import Finding
-from causalbench.store.cells import RunFolder, Status
+from causalbench.store.cells import Status
+from causalbench.store.run_folder import RunFolder
 
 Row = Mapping[str, Any]
 
@@ -60,6 +61,13 @@ def print_known_gaps(runs: Iterable[RunFolder]) -> None:
         for number, reason in gaps.items()
     ):
         _print(line)
+
+
+def print_problems(runs: Iterable[RunFolder]) -> None:
+    """A line on stderr for everything in `runs` that is damaged, and so is not counted."""
+    for run in runs:
+        for sentence in run.problems():
+            progress_console().print(f"not counted: {sentence}", markup=False, highlight=False, soft_wrap=True)
 
 
 def print_unfinished(statuses: Mapping[str, Status], folder: Path) -> None:

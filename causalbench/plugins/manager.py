@@ -24,6 +24,7 @@ from causalbench.core.learners.registry import Learner
 from causalbench.core.tasks.task import Task
 from causalbench.core.world.scene import Scene
 from causalbench.errors import BackendLoadError, UnknownNameError, UserError
+from causalbench.names import check_name
 from causalbench.plugins import hookspecs
 from causalbench.plugins.backends import NO_OPTIONS, Backend
 
@@ -31,8 +32,6 @@ GROUP = "causalbench"
 KINDS = ("backends", "tasks", "methods", "learners", "discoverers")
 """What plugins register: `causalbench_KIND` is the hook, and `Plugins.KIND` has the rows by name."""
 OWN_DISTRIBUTION = "causalbench-robotics"
-NAME = r"(?=.{1,64}$)[A-Za-z0-9]([A-Za-z0-9_.-]*[A-Za-z0-9_])?"
-"""Names enter names of files and folders and are typed in a shell."""
 LIST_COMMAND = "`causalbench backends` lists what is installed."
 
 
@@ -216,8 +215,7 @@ def _register(manager: pluggy.PluginManager, plugin: ModuleType, row: PluginRow,
 
 def _add(found: dict[str, NamedT], known: Mapping[str, NamedT], item: NamedT) -> None:
     kind = type(item).__name__.lower()
-    if not isinstance(item.name, str) or not re.fullmatch(NAME, item.name):
-        raise UserError(f"{kind} {item.name!r}: a name is 1 to 64 letters, digits, '_', '-' and '.', as in my_sim-2.1")
+    check_name(kind, item.name)
     if item.name in found or item.name in known:
         raise UserError(f"{kind} {item.name!r} is already registered; choose another name")
     found[item.name] = item

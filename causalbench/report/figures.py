@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from causalbench.atomic import write_folder
 from causalbench.core.discovery.graph import CausalGraph, EvidenceColumn, StageGraph
-from causalbench.store.cells import RunFolder
+from causalbench.store.run_folder import RunFolder
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -76,8 +76,7 @@ def write_discovery_figures(folder: Path) -> None:
 def write_run_figures(run: RunFolder) -> None:
     """The same for every finished discovery of a run that has none yet."""
     for cell in run.cells():
-        done = cell.identity["kind"] == "discovery" and cell.status.state == "done"
-        if done and not (cell.folder / FIGURES).exists():
+        if cell.is_done("discovery") and not (cell.folder / FIGURES).exists():
             write_discovery_figures(cell.folder)
 
 

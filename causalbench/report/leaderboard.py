@@ -22,7 +22,7 @@ COLUMNS = (
     "success_auc_iqm_high", "final_success", "held_rate", "steps_to_90", "steps_to_90_with_discovery", "reversals",
     "p_better_than_next", "p_better_low", "p_better_high", "failed_cells", "verdict",
 )  # fmt: skip
-FAILED = {"failed", "timeout", "diverged", "skipped"}
+FAILED = {"failed", "timeout", "diverged", "skipped", "damaged"}
 
 
 @dataclass(frozen=True)
@@ -63,8 +63,8 @@ def leaderboard(results: Sequence[Row], cells: Iterable[StoredCell]) -> list[Row
 
     `results` are rows of `results.csv`; `cells` tell which methods there are and what failed.
     """
-    learners = [cell for cell in cells if cell.identity["kind"] == "learner"]
-    backends = sorted({cell.identity["backend"]["name"] for cell in learners})
+    learners = [cell for cell in cells if cell.kind == "learner"]
+    backends = sorted({cell.backend for cell in learners})
     boards = [(backend, [backend]) for backend in backends]
     if len(backends) > 1:
         boards.insert(0, ("all", backends))
@@ -72,7 +72,7 @@ def leaderboard(results: Sequence[Row], cells: Iterable[StoredCell]) -> list[Row
 
 
 def _board(name: str, backends: list[str], results: Sequence[Row], cells: Sequence[StoredCell]) -> list[Row]:
-    here = [cell for cell in cells if cell.identity["backend"]["name"] in backends]
+    here = [cell for cell in cells if cell.backend in backends]
     finished: dict[tuple[str, str], dict[str, list[Row]]] = {}
     for who in sorted(set(map(_who, here))):
         own = [row for row in results if (row["method"], row["grid_point"]) == who]
@@ -91,7 +91,7 @@ def _board(name: str, backends: list[str], results: Sequence[Row], cells: Sequen
 
 
 def _who(cell: StoredCell) -> tuple[str, str]:
-    return cell.identity["method"]["name"], cell.grid_point
+    return cell.method, cell.grid_point
 
 
 def _ranked_rows(ranked: list[Entry]) -> list[Row]:

@@ -6,14 +6,15 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from causalbench.core.discovery.edges import RESERVED, edge_rows, evidence_columns
-from causalbench.core.discovery.graph import CausalGraph
 from causalbench.core.learners.records import Evaluation
 from causalbench.errors import RunFolderError
 from causalbench.report.leaderboard import COLUMNS as LEADERBOARD_COLUMNS
 from causalbench.report.leaderboard import leaderboard
 from causalbench.report.stats import area_under, wilson
-from causalbench.store.cells import RunFolder, StoredCell, check_comparable, in_order
-from causalbench.store.records import Counts, read_counts, read_effects, read_progress, write_rows
+from causalbench.store.cells import StoredCell
+from causalbench.store.comparable import merged
+from causalbench.store.records import Counts, write_rows
+from causalbench.store.run_folder import RunFolder
 
 Row = dict[str, Any]
 
@@ -34,8 +35,8 @@ TIMING = ("cell", "state", "seconds", "env_steps", "env_steps_per_second")
 def write_tables(run: RunFolder) -> list[Row]:
     """Write every table of `run` from its cells; returns the leaderboard's rows."""
     cells = run.cells()
-    learned = [cell for cell in cells if cell.identity["kind"] == "learner" and cell.status.state == "done"]
-    discovered = [cell for cell in cells if cell.identity["kind"] == "discovery" and cell.status.state == "done"]
+    learned = [cell for cell in cells if cell.is_done("learner")]
+    discovered = [cell for cell in cells if cell.is_done("discovery")]
     board = leaderboard(result_rows(cells), cells)
     write_rows(run.path / "results.csv", RESULTS, result_rows(cells))
     write_rows(run.path / "curves.csv", CURVES, (row for cell in learned for row in _curve_rows(cell)))
@@ -50,18 +51,13 @@ def write_tables(run: RunFolder) -> list[Row]:
 def merged_leaderboard(runs: Sequence[RunFolder]) -> list[Row]:
     """The leaderboard of all `runs` together; a cell that stands in several counts once.
 
-    Raises `RunFolderError` for a folder without cells and for cells that cannot be compared.
+    Raises `RunFolderError` for a folder without cells and as `merged` does.
     """
-    merged: dict[str, StoredCell] = {}
-    for run in runs:
-        cells = run.cells()
+    found = {run.path: run.cells() for run in runs}
+    for path, cells in found.items():
         if not cells:
-            raise RunFolderError(f"{run.path}: no cells here; give the folder that `causalbench run` wrote")
-        for cell in cells:
-            if cell.id not in merged or cell.status.state == "done":
-                merged[cell.id] = cell
-    check_comparable((str(cell.folder), cell.identity) for cell in merged.values())
-    ordered = in_order(merged.values())
+            raise RunFolderError(f"{path}: no cells here; give the folder that `causalbench run` wrote")
+    ordered = merged(cell for cells in found.values() for cell in cells)
     return leaderboard(result_rows(ordered), ordered)
 
 
@@ -70,11 +66,7 @@ def result_rows(cells: Sequence[StoredCell]) -> list[Row]:
 
     `episodes` and everything about success are of the final evaluation, `reversals_per_1000_steps` of training.
     """
-    return [
-        _result_row(cell, read_progress(cell.folder / "progress.csv"), read_counts(cell.folder / "counts.json"))
-        for cell in cells
-        if cell.identity["kind"] == "learner" and cell.status.state == "done"
-    ]
+    return [_result_row(cell, cell.evaluations(), cell.counts()) for cell in cells if cell.is_done("learner")]
 
 
 def _result_row(cell: StoredCell, evaluations: list[Evaluation], counts: Counts) -> Row:
@@ -103,13 +95,11 @@ def _result_row(cell: StoredCell, evaluations: list[Evaluation], counts: Counts)
 
 
 def _keys(cell: StoredCell) -> Row:
-    identity = cell.identity
-    task, backend, method = (identity[kind]["name"] for kind in ("task", "backend", "method"))
-    return dict(zip(KEYS, (task, backend, method, cell.grid_point, identity["seed"]), strict=True))
+    return {key: getattr(cell, key) for key in KEYS}
 
 
 def _curve_rows(cell: StoredCell) -> Iterator[Row]:
-    for evaluation in read_progress(cell.folder / "progress.csv"):
+    for evaluation in cell.evaluations():
         yield _keys(cell) | {
             "env_steps": evaluation.env_steps,
             "success_deterministic": evaluation.success_deterministic,
@@ -120,14 +110,14 @@ def _curve_rows(cell: StoredCell) -> Iterator[Row]:
 
 
 def _return_rows(cell: StoredCell) -> Iterator[Row]:
-    for evaluation in read_progress(cell.folder / "progress.csv"):
+    for evaluation in cell.evaluations():
         for term, value in evaluation.term_returns.items():
             yield dict(zip(RETURNS, (cell.id, evaluation.env_steps, term, value), strict=True))
 
 
 def _stage_rows(cell: StoredCell) -> Iterator[Row]:
     """Training episodes that reached a stage, steps from stage to stage, and updates of each stage's agent."""
-    counts = read_counts(cell.folder / "counts.json")
+    counts = cell.counts()
     rows: list[tuple[str, int | None, int | str, int]] = [("reached", None, s, n) for s, n in counts.reached.items()]
     rows += [("transitions", i, j, n) for i, j, n in counts.transitions]
     rows += [("updates", None, s, n) for s, n in counts.updates.items()]
@@ -139,10 +129,9 @@ def _discovery_table(cells: Sequence[StoredCell]) -> tuple[tuple[str, ...], list
     """Names of the columns and one row per edge of every discovery."""
     evidence, rows = dict[str, None](), list[Row]()
     for cell in cells:
-        graph, effects = CausalGraph.load(cell.folder / "graph.json"), read_effects(cell.folder / "oracle.csv")
+        graph, effects = cell.graph(), cell.effects()
         evidence |= dict.fromkeys(evidence_columns(graph))
-        task, backend = (cell.identity[kind]["name"] for kind in ("task", "backend"))
-        keys = (task, backend, cell.grid_point, cell.identity["seed"])
+        keys = (cell.task, cell.backend, cell.grid_point, cell.seed)
         for row in edge_rows(graph):
             effect = effects.get((row["stage"], row["reward"], row["action"]), {})
             rows.append(dict(zip(DISCOVERY, keys, strict=False)) | row | effect)

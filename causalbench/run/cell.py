@@ -8,20 +8,25 @@ from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from causalbench.atomic import write_folder, write_text
 from causalbench.core.discovery.graph import CausalGraph, manual_graph
 from causalbench.core.learners.records import Evaluation, TrainingCounts
 from causalbench.core.tasks.task import Task
 from causalbench.core.world.scene import Scene
-from causalbench.errors import CausalbenchError, DivergedError
+from causalbench.errors import CausalbenchError, CheckpointError, DivergedError
 from causalbench.plugins.manager import installed, scene_maker
 from causalbench.run.score_graph import judge_graph
 from causalbench.run.tensorboard import Board
-from causalbench.store.cells import CHECKPOINT, DATA, LOG, RunFolder, State, Status
+from causalbench.store.cells import CHECKPOINT, DATA, LOG, State, Status
 from causalbench.store.records import write_counts, write_progress
+from causalbench.store.run_folder import RunFolder
 from causalbench.store.samples import SampleFolder
 from causalbench.suite.cells import BackendIdentity, Cell, DiscoveryCell, LearnerCell
+
+if TYPE_CHECKING:
+    from causalbench.core.learners.registry import Learner, Trained, TrainingProblem
 
 
 @dataclass(frozen=True)
@@ -150,10 +155,21 @@ def _learn(cell: LearnerCell, folder: Path, run: RunFolder, on_progress: OnProgr
             on_progress=watcher.on_progress,
             checkpoints=Checkpoints(folder / CHECKPOINT, keeping.checkpoint_every),
         )
-        policy, counts = installed().learner(cell.method.learner).train(problem)
+        policy, counts = _train(installed().learner(cell.method.learner), problem)
     write_counts(folder / "counts.json", counts, problem.graph)
     write_folder(folder / "policy", policy.save)
     return counts.env_steps
+
+
+def _train(learner: Learner, problem: TrainingProblem) -> Trained:
+    """Train, from the start where the checkpoint is damaged or of another run: a cell must not fail for ever."""
+    try:
+        return learner.train(problem)
+    except CheckpointError as error:
+        LOGGER.warning("%s. It is deleted: the cell starts over", error)
+        assert problem.checkpoints is not None
+        problem.checkpoints.path.unlink()
+        return learner.train(problem)
 
 
 def _graph(cell: LearnerCell, task: Task, run: RunFolder) -> CausalGraph | None:
@@ -161,7 +177,7 @@ def _graph(cell: LearnerCell, task: Task, run: RunFolder) -> CausalGraph | None:
 
     found = None
     if cell.discovery is not None:
-        found = CausalGraph.load(run.folder(cell.discovery) / "graph.json")
+        found = run.stored(cell.discovery).graph()
     graph = training_graph(task, cell.method, found, scene_factory(cell.backend, task), cell.seed, cell.action_repeat)
     if graph is not None and graph.origin in ("oracle", "control"):
         write_text(run.folder(cell) / "graph.json", graph.to_json() + "\n")

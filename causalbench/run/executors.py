@@ -16,7 +16,8 @@ from multiprocessing.connection import Connection
 
 from causalbench.processes import Child, preload, start
 from causalbench.run.cell import Keeping, Progress, run_cell
-from causalbench.store.cells import LOG, RunFolder, Status
+from causalbench.store.cells import LOG, Status
+from causalbench.store.run_folder import RunFolder
 from causalbench.suite.cells import Cell, DiscoveryCell
 
 Outcomes = Iterator[tuple[Cell, Status]]
@@ -62,14 +63,15 @@ def processes(
     try:
         while waiting or running:
             for cell in [cell for cell in waiting if not _is_blocked(cell, waiting, running)]:
-                missing = _missing_graph(cell, run)
-                if missing:
+                if sum(job.cores for job in running) + min(cell.cores, jobs) > jobs:
+                    continue
+                waiting.remove(cell)
+                if missing := _missing_graph(cell, run):
                     run.finish(cell, Status("skipped", missing))
-                    waiting.remove(cell)
                     yield cell, run.status(cell)
-                elif sum(job.cores for job in running) + (cores := min(cell.cores, jobs)) <= jobs:
-                    waiting.remove(cell)
-                    running.append(_start(cell, run, keeping, timeout, jobs if len(cells) == 1 else cores))
+                else:
+                    cores = jobs if len(cells) == 1 else min(cell.cores, jobs)
+                    running.append(_start(cell, run, keeping, timeout, cores))
             _receive(running, on_progress)
             for job in [job for job in running if job.has_ended()]:
                 running.remove(job)

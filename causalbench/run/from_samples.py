@@ -12,9 +12,10 @@ from rich.progress import Progress
 
 from causalbench.core.discovery.graph import CausalGraph, manual_graph
 from causalbench.core.discovery.settings import DiscoverySettings
-from causalbench.errors import RunFolderError, UserError
+from causalbench.errors import UserError
 from causalbench.plugins.manager import Plugins, installed
 from causalbench.run.cell import use_one_thread, write_graph
+from causalbench.store.claim import claim
 from causalbench.store.samples import SampleFolder
 from causalbench.suite.sections import Sections
 
@@ -29,20 +30,16 @@ def discover_from_folder(data: Path, section: Mapping[str, Any], folder: Path) -
     origin, about = store.origin()
     settings = _settings(section, about, plugins)
     task = plugins.task(about["task"])
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise RunFolderError(f"{folder}: cannot be written ({error.strerror}); choose another with --out") from error
     from causalbench.core.discovery.pipeline import discover_from_samples
 
     use_one_thread()
-    with Progress(console=Console(stderr=True)) as bar:
+    with claim(folder, "discovery"), Progress(console=Console(stderr=True)) as bar:
         line = bar.add_task("discovering", total=1.0)
         graph = discover_from_samples(
             task, store, origin, settings, about["seed"],
             lambda share, text: bar.update(line, completed=share, description=text), discoverers=plugins.discoverers,
         )  # fmt: skip
-    write_graph(folder, graph, manual_graph(task))
+        write_graph(folder, graph, manual_graph(task))
     return graph
 
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Sequence
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from causalbench.atomic import replacing
 from causalbench.core.learners.evaluation import FIRST_SEED
 from causalbench.core.learners.policy import load_policy
 from causalbench.core.learners.registry import Policy
@@ -16,7 +17,9 @@ from causalbench.core.learners.settings import observed
 from causalbench.core.staged.env import StageTaskEnv
 from causalbench.errors import UserError
 from causalbench.plugins.manager import installed, scene_maker
-from causalbench.store.cells import RunFolder, StoredCell
+from causalbench.store.cells import StoredCell
+from causalbench.store.claim import own_folder
+from causalbench.store.run_folder import RunFolder
 from causalbench.suite.selection import Selection
 
 WIDTH, HEIGHT = 640, 480  # pixels; both are multiples of 16, as the codec wants them
@@ -33,12 +36,12 @@ def play(run: RunFolder, only: Sequence[str], episodes: int) -> Iterator[Path]:
     nothing to film or nothing to film it with.
     """
     selection = Selection.parse(only)
-    cells = [cell for cell in run.cells() if (cell.folder / "policy").exists() and selection.keeps(cell.identity)]
+    cells = [cell for cell in run.cells() if cell.is_done("learner") and selection.keeps(cell.identity)]
     if not cells:
         raise UserError(f"{run.path}: no finished policy here, or none that --only keeps")
-    (run.path / "videos").mkdir(exist_ok=True)
+    videos = own_folder(run.path / "videos")
     for cell in cells:
-        yield _film(cell, run.path / "videos" / f"{cell.id}.mp4", episodes)
+        yield _film(cell, videos / f"{cell.id}.mp4", episodes)
 
 
 def _film(cell: StoredCell, path: Path, episodes: int) -> Path:
@@ -48,28 +51,16 @@ def _film(cell: StoredCell, path: Path, episodes: int) -> Path:
     except ImportError as error:
         raise UserError("videos need `pip install causalbench-robotics[video]`") from error
 
-    identity = cell.identity
-    task = installed().task(identity["task"]["name"])
-    backend = installed().backend(identity["backend"]["name"])
-    env = StageTaskEnv(
-        task,
-        scene_maker(backend, task, identity["backend"]["options"])(),
-        None,
-        *observed(identity["learner"]).values(),
-    )
-    temporary = path.with_name(f".{path.stem}.{os.getpid()}.tmp.mp4")
-    title = f"{identity['method']['name']} on {backend.name}, seed {identity['seed']}"
-    try:
-        with imageio.get_writer(temporary, fps=env.metadata["render_fps"], codec="libx264", quality=8) as writer:
-            load = installed().learner(identity["method"]["learner"]).load_policy or load_policy
-            policy = load(cell.folder / "policy")
+    identity, title = cell.identity, f"{cell.method} on {cell.backend}, seed {cell.seed}"
+    load = installed().learner(identity["method"]["learner"]).load_policy or load_policy
+    policy, task = load(cell.policy_folder()), installed().task(cell.task)
+    make_scene = scene_maker(installed().backend(cell.backend), task, identity["backend"]["options"])
+    with closing(StageTaskEnv(task, make_scene(), None, *observed(identity["learner"]).values())) as env:
+        look = {"fps": env.metadata["render_fps"], "codec": "libx264", "quality": 8}
+        with replacing(path) as temporary, imageio.get_writer(temporary, **look) as writer:
             for episode in range(episodes):
                 for frame in film_episode(policy, env, FIRST_SEED + episode, title):
                     writer.append_data(frame)  # type: ignore[attr-defined]
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
-        env.close()
     return path
 
 

@@ -14,13 +14,15 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from causalbench.atomic import write_json, write_text
+from causalbench.atomic import write_text
 from causalbench.errors import UserError
 from causalbench.plugins.manager import Plugins
 from causalbench.run.cell import Keeping
 from causalbench.run.executors import Outcomes, processes, serial
 from causalbench.run.view import View
-from causalbench.store.cells import ENVIRONMENT, SCHEMA, RunFolder, State, Status, check_comparable
+from causalbench.store.cells import State, Status
+from causalbench.store.comparable import check_comparable
+from causalbench.store.run_folder import RunFolder
 from causalbench.suite.cells import Cell, LearnerCell
 from causalbench.suite.plan import Plan
 from causalbench.suite.schema import SuiteFile
@@ -65,7 +67,7 @@ def run_plan(
         _skip(plan, run)
         cells = to_do(plan, run, execution.retry)
         if cells:
-            _record_environment(run, plugins, sorted({cell.backend.name for cell in plan.cells}))
+            run.add_session(describe_environment(plugins, sorted({cell.backend.name for cell in plan.cells})))
         try:
             view.begin(plan.cells, cells, run)
             with closing(execution.outcomes(cells, run, view)) as outcomes:  # type: ignore[type-var]
@@ -102,7 +104,7 @@ def _skip(plan: Plan, run: RunFolder) -> None:
 def estimate_seconds(plan: Plan, run: RunFolder) -> dict[str, float | None]:
     """Cell id -> seconds it took, or those of a finished one with the same backend and method; None without such."""
     took = {
-        (stored.identity["backend"]["name"], stored.identity.get("method", {}).get("name")): stored.status.seconds
+        (stored.backend, stored.method): stored.status.seconds
         for stored in run.cells()
         if stored.status.state == "done"
     }
@@ -110,15 +112,9 @@ def estimate_seconds(plan: Plan, run: RunFolder) -> dict[str, float | None]:
     return {
         cell.id: own[cell.id].seconds
         if own[cell.id].state == "done"
-        else took.get((cell.backend.name, cell.method.name if isinstance(cell, LearnerCell) else None))
+        else took.get((cell.backend.name, cell.method.name if isinstance(cell, LearnerCell) else ""))
         for cell in plan.cells
     }
-
-
-def _record_environment(run: RunFolder, plugins: Plugins, backends: Sequence[str]) -> None:
-    """Add this session to `environment.json`: a run that was continued elsewhere says so."""
-    content = {"schema": SCHEMA, "sessions": [*run.sessions(), describe_environment(plugins, backends)]}
-    write_json(run.path / ENVIRONMENT, content)
 
 
 def describe_environment(plugins: Plugins, backends: Sequence[str]) -> dict[str, Any]:

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from typing import Protocol
 
 from causalbench.run.cell import Progress
-from causalbench.store.cells import RunFolder, Status
+from causalbench.store.cells import Status
+from causalbench.store.run_folder import RunFolder
 from causalbench.suite.cells import Cell
 
 

@@ -1,60 +1,106 @@
-"""Cells on disk: `cells/<id>/` and `discovery/<id>/`, each whole once its `status.json` says so."""
+"""A cell as it lies on disk: `cell.json` says what it is, `status.json`, written last, how it stands.
+
+A finished cell's `status.json` holds the SHA-256 of each of its files; what is read of a cell has been checked.
+"""
 
 from __future__ import annotations
 
-import dataclasses
-import fcntl
 import json
-import shutil
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO, Any, Literal, Protocol, get_args
+from typing import Annotated, Any, Literal, get_args
 
-from causalbench.atomic import TEMPORARY, write_json
-from causalbench.errors import RunFolderError
+from annotated_types import Ge
+from pydantic import StringConstraints
 
-SCHEMA = 1
-State = Literal["done", "failed", "timeout", "diverged", "skipped", "running", "pending"]
+from causalbench import formats
+from causalbench.core.discovery.graph import CausalGraph
+from causalbench.core.learners.records import Evaluation
+from causalbench.errors import DamagedFileError
+from causalbench.names import PATTERN
+from causalbench.store.files import check_digests, digests, is_folder, read_json, validated
+from causalbench.store.records import Counts, read_counts, read_effects, read_progress
+from causalbench.suite.cells import cell_id
+
+State = Literal["done", "failed", "timeout", "diverged", "skipped", "running", "pending", "damaged"]
 STATES: tuple[str, ...] = get_args(State)
+CELL, STATUS = "cell.json", "status.json"
 DATA = "data"
 """The samples of a discovery cell: an unfinished one continues from those that are there."""
 CHECKPOINT = "checkpoint.safetensors"
 """What an unfinished learner cell continues from."""
 LOG = "log.txt"
-ENVIRONMENT = "environment.json"
 KINDS = {"learner": "cells", "discovery": "discovery"}
 """Kind of a cell -> the folder that such cells lie in."""
+NO_RESULTS = frozenset({CELL, STATUS, LOG, CHECKPOINT, DATA, "figures", "tensorboard"})
+"""What may lie in a cell's folder without being a result; samples have digests of their own."""
+RESULTS = {
+    "learner": frozenset({"progress.csv", "counts.json"}),
+    "discovery": frozenset({"graph.json", "manual.json", "evidence.csv"}),
+}
+"""Kind of a cell -> the files that every finished one has."""
 
-
-class Identified(Protocol):
-    """What the store needs to know of a cell."""
-
-    @property
-    def id(self) -> str:
-        """Its folder's name."""
-
-    @property
-    def identity(self) -> dict[str, Any]:
-        """What its id is a hash of; "kind" says which folder it belongs to."""
+Number = Annotated[int, Ge(0)]
+Name = Annotated[str, StringConstraints(pattern=f"^{PATTERN}$")]
 
 
 @dataclass(frozen=True)
 class Status:
-    """How a cell stands. `reason` is a sentence unless it is done; `seconds` and `env_steps` are what it took."""
+    """How a cell stands. `reason` is a sentence unless it is done; `seconds` and `env_steps` are what it took.
+
+    `files` has the SHA-256 of every result file of a cell that is done, by its path in the cell's folder. A cell is
+    "damaged" if it says that it is done and its files are not the ones that were written then.
+    """
 
     state: State
     reason: str = ""
     seconds: float = 0.0
-    env_steps: int = 0
+    env_steps: Number = 0
+    files: Mapping[str, str] = field(default_factory=dict)
 
 
 PENDING = Status("pending")
 
 
 @dataclass(frozen=True)
+class _Named:
+    name: Name
+
+
+@dataclass(frozen=True)
+class _Method(_Named):
+    learner: Name
+
+
+@dataclass(frozen=True)
+class _Shared:
+    """What every `cell.json` has."""
+
+    kind: Literal["learner", "discovery"]
+    code: str
+    task: _Named
+    backend: _Named
+    seed: Number
+    grid_point: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class _Discovery(_Shared):
+    settings: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class _Learner(_Shared):
+    method: _Method
+    env_steps: Number
+    learner: Mapping[str, Any]
+    evaluation: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
 class StoredCell:
-    """A cell as it lies on disk."""
+    """A cell as it lies on disk; `identity` is all that its id is a hash of, as JSON data."""
 
     id: str
     identity: Mapping[str, Any]
@@ -62,105 +108,116 @@ class StoredCell:
     folder: Path
 
     @property
+    def kind(self) -> str:
+        """What the cell is, "learner" or "discovery"."""
+        return str(self.identity["kind"])
+
+    @property
+    def task(self) -> str:
+        """The name of its task."""
+        return str(self.identity["task"]["name"])
+
+    @property
+    def backend(self) -> str:
+        """The name of its backend."""
+        return str(self.identity["backend"]["name"])
+
+    @property
+    def method(self) -> str:
+        """The name of its method; "" for a discovery."""
+        return str(self.identity.get("method", {}).get("name", ""))
+
+    @property
+    def seed(self) -> int:
+        """Its seed."""
+        return int(self.identity["seed"])
+
+    @property
     def grid_point(self) -> str:
         """The settings of a suite's grid that made it, such as "learner.gamma=0.9"; "" without a grid."""
         return grid_text(self.identity)
 
+    def is_done(self, kind: str) -> bool:
+        """Whether it is a finished cell of this kind."""
+        return self.kind == kind and self.status.state == "done"
 
-class RunFolder:
-    """One run's folder. Times stand only in `status.json`, `timing.csv`, `environment.json` and `log.txt`."""
+    def file(self, name: str) -> Path:
+        """The result file `name`. Raises `DamagedFileError` unless it was there when the cell finished."""
+        if name not in self.status.files:
+            raise DamagedFileError(f"{self.folder / name}: the cell, which is {self.status.state}, has no such result")
+        return self.folder / name
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
+    def evaluations(self) -> list[Evaluation]:
+        """What a finished learner was examined for, in order of its training."""
+        return read_progress(self.file("progress.csv"))
 
-    def claim(self) -> IO[str]:
-        """Create the folder and lock it for as long as the returned file is open (a killed process lets go of it).
+    def counts(self) -> Counts:
+        """What the training of a finished learner added up to."""
+        return read_counts(self.file("counts.json"))
 
-        Raises `RunFolderError` when it cannot be written or another command holds it.
-        """
-        try:
-            for name in KINDS.values():
-                (self.path / name).mkdir(parents=True, exist_ok=True)
-            lock = (self.path / ".lock").open("w")
-        except OSError as error:
-            raise RunFolderError(
-                f"{self.path}: cannot be written ({error.strerror}); choose another with --out"
-            ) from error
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            lock.close()
-            raise RunFolderError(
-                f"{self.path}: another command is running here; wait or choose another --out"
-            ) from error
-        for half in [*self.path.rglob(TEMPORARY)]:  # what a killed command was writing
-            shutil.rmtree(half) if half.is_dir() else half.unlink(missing_ok=True)
-        return lock
+    def graph(self) -> CausalGraph:
+        """The graph that a finished discovery found, or that a finished learner made for itself."""
+        return CausalGraph.load(self.file("graph.json"))
 
-    def folder(self, cell: Identified) -> Path:
-        """Where `cell` lies or will lie."""
-        return self.path / KINDS[cell.identity["kind"]] / cell.id
+    def effects(self) -> dict[tuple[int, str, str], dict[str, str]]:
+        """The oracle's words on each edge of a finished discovery, see `read_effects`; empty where none was asked."""
+        return read_effects(self.file("oracle.csv")) if "oracle.csv" in self.status.files else {}
 
-    def start(self, cell: Identified) -> Path:
-        """A folder for `cell`, marked as running; of an earlier attempt only what it continues from stays.
-
-        That is a discovery cell's samples, and a learner cell's checkpoint with the log up to it.
-        """
-        folder = self.folder(cell)
-        folder.mkdir(parents=True, exist_ok=True)
-        keep = {DATA} | ({CHECKPOINT, LOG} if (folder / CHECKPOINT).exists() else set())
-        for path in folder.iterdir():
-            if path.name in keep:
-                continue
-            if path.is_dir():
-                shutil.rmtree(path)
-            else:
-                path.unlink()
-        write_json(folder / "cell.json", {"schema": SCHEMA, "id": cell.id} | cell.identity)
-        self.finish(cell, Status("running"))
-        return folder
-
-    def finish(self, cell: Identified, status: Status) -> None:
-        """Record `status`; for a cell that is done this is its last write, and its checkpoint has served."""
-        folder = self.folder(cell)
-        if not folder.exists():  # a cell that was skipped never started
-            folder.mkdir(parents=True)
-            write_json(folder / "cell.json", {"schema": SCHEMA, "id": cell.id} | cell.identity)
-        write_json(folder / "status.json", {"schema": SCHEMA} | dataclasses.asdict(status))
-        if status.state == "done":
-            (folder / CHECKPOINT).unlink(missing_ok=True)
-
-    def status(self, cell: Identified) -> Status:
-        """How `cell` stands; pending if it was never started."""
-        return _read_status(self.folder(cell))
-
-    def cells(self) -> list[StoredCell]:
-        """Every cell in the folder, in an order that does not depend on when each was run."""
-        found = [read_cell(path.parent) for kind in KINDS.values() for path in self.path.glob(f"{kind}/*/cell.json")]
-        return in_order(found)
-
-    def sessions(self) -> list[dict[str, Any]]:
-        """What `environment.json` says of each command that ran cells here; empty before the first."""
-        path = self.path / ENVIRONMENT
-        return json.loads(path.read_text(encoding="utf-8"))["sessions"] if path.exists() else []
-
-    def known_gaps(self) -> dict[str, dict[str, str]]:
-        """Backend -> lines of the contract that it was known not to keep, with the reasons, in any session."""
-        gaps: dict[str, dict[str, str]] = {}
-        for session in self.sessions():
-            for backend, reasons in session.get("known_gaps", {}).items():
-                gaps.setdefault(backend, {}).update(reasons)
-        return gaps
+    def policy_folder(self) -> Path:
+        """Where the policy of a finished learner lies. Raises `DamagedFileError` if it left none."""
+        if not any(name.startswith("policy/") for name in self.status.files):
+            raise DamagedFileError(f"{self.folder}: the cell, which is {self.status.state}, has no policy")
+        return self.folder / "policy"
 
 
 def read_cell(folder: Path) -> StoredCell:
-    """The cell in `folder`. Raises `RunFolderError` when another version of causalbench wrote it."""
-    content = json.loads((folder / "cell.json").read_text(encoding="utf-8"))
-    if content.pop("schema", None) != SCHEMA:
-        raise RunFolderError(
-            f"{folder}: written by another version of causalbench; run the suite again with a new --out"
+    """The cell in `folder`, whose name must be its id and the id that of its content.
+
+    Raises `DamagedFileError` when it cannot be told what the cell is. Where that can be told and the rest is damaged,
+    the cell's state says so.
+    """
+    if not is_folder(folder):
+        raise DamagedFileError(f"{folder}: a link or a file, not a folder")
+    identity = read_json(folder / CELL)
+    schema, found = identity.pop("schema", None), identity.pop("id", None)
+    if schema != formats.CELL:
+        raise DamagedFileError(
+            f"{folder / CELL}: schema {schema!r}, and this version of causalbench reads {formats.CELL}"
         )
-    return StoredCell(content.pop("id"), content, _read_status(folder), folder)
+    validated(folder / CELL, _Learner if identity.get("kind") == "learner" else _Discovery, identity)
+    expected = cell_id(identity)
+    if (found, folder.parent.name) != (expected, KINDS[identity["kind"]]):
+        raise DamagedFileError(f"{folder / CELL}: says that it is {found!r}, but its content is that of {expected!r}")
+    if folder.name != expected:
+        raise DamagedFileError(f"{folder}: a copy of the cell {expected}, which is not counted a second time")
+    return StoredCell(expected, identity, _read_status(folder, identity["kind"]), folder)
+
+
+def _read_status(folder: Path, kind: str) -> Status:
+    path = folder / STATUS
+    if not path.exists() and not path.is_symlink():
+        return PENDING
+    try:
+        content = read_json(path)
+        if content.get("schema") != formats.CELL:
+            raise DamagedFileError(f"{path}: schema {content.get('schema')!r}, expected {formats.CELL}")
+        status = validated(path, Status, content)
+        if status.state == "done":
+            _check_results(folder, kind, status)
+    except DamagedFileError as error:
+        return Status("damaged", str(error))
+    return status
+
+
+def _check_results(folder: Path, kind: str, status: Status) -> None:
+    if missing := sorted(RESULTS[kind] - status.files.keys()):
+        raise DamagedFileError(f"{folder / STATUS}: no SHA-256 of {', '.join(missing)}")
+    check_digests(folder, status.files)
+
+
+def result_digests(folder: Path) -> dict[str, str]:
+    """Path in a cell's `folder` -> SHA-256 of each file that is a result."""
+    return digests(folder, NO_RESULTS)
 
 
 def grid_text(identity: Mapping[str, Any]) -> str:
@@ -173,60 +230,4 @@ def grid_text(identity: Mapping[str, Any]) -> str:
 
 def in_order(cells: Iterable[StoredCell]) -> list[StoredCell]:
     """The cells by task, backend, method, grid_point and seed."""
-    return sorted(cells, key=_order)
-
-
-def _order(cell: StoredCell) -> tuple[str, str, str, str, int, str]:
-    identity = cell.identity
-    method = identity.get("method", {}).get("name", "")
-    return identity["task"]["name"], identity["backend"]["name"], method, cell.grid_point, identity["seed"], cell.id
-
-
-def _read_status(folder: Path) -> Status:
-    try:
-        content = json.loads((folder / "status.json").read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        return PENDING
-    return Status(**{field.name: content[field.name] for field in dataclasses.fields(Status)})
-
-
-def check_comparable(cells: Iterable[tuple[str, Mapping[str, Any]]]) -> None:
-    """Raise `RunFolderError` unless the cells, (where it comes from, identity), may stand in one table.
-
-    Task and code must be the same throughout, and backend, budget and settings for each backend, method and grid_point.
-    """
-    seen: dict[tuple[str, ...], tuple[str, Any]] = {}
-    for where, identity in cells:
-        for scope, value in _scopes(identity).items():
-            other, expected = seen.setdefault(scope, (where, value))
-            if value != expected:
-                raise RunFolderError(
-                    f"{where} and {other} cannot be compared: {' '.join(scope)} is {_differing(value, expected)}; "
-                    f"use another --out, or run both with the same suite and versions"
-                )
-
-
-def _scopes(identity: Mapping[str, Any]) -> dict[tuple[str, ...], Any]:
-    backend, kind = identity["backend"]["name"], identity["kind"]
-    grid_point = tuple(filter(None, [grid_text(identity)]))
-    scopes: dict[tuple[str, ...], Any] = {
-        ("causalbench's version",): identity["code"],
-        ("the task",): identity["task"],
-        ("backend", backend): identity["backend"],
-    }
-    if kind == "discovery":
-        return scopes | {("discovery on", backend, *grid_point): identity["settings"]}
-    method = identity["method"]["name"]
-    return scopes | {
-        ("the budget",): {"env_steps": identity["env_steps"]},
-        ("evaluation on", backend, *grid_point): identity["evaluation"],
-        ("method", method): identity["method"],
-        ("the learner of", method, "on", backend, *grid_point): identity["learner"],
-    }
-
-
-def _differing(value: Any, expected: Any) -> str:
-    if not isinstance(value, Mapping):
-        return f"{value!r} and {expected!r}"
-    keys = [key for key in value if value[key] != expected.get(key)]
-    return " and ".join(str({key: side.get(key) for key in keys}) for side in (value, expected))
+    return sorted(cells, key=lambda cell: (cell.task, cell.backend, cell.method, cell.grid_point, cell.seed, cell.id))

@@ -5,8 +5,8 @@ from __future__ import annotations
 import csv
 import dataclasses
 import io
-import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,8 @@ from causalbench.atomic import write_json, write_text
 from causalbench.core.discovery.edges import ORACLE
 from causalbench.core.discovery.graph import CausalGraph
 from causalbench.core.learners.records import Evaluation, TrainingCounts
+from causalbench.errors import DamagedFileError
+from causalbench.store.files import read_json, validated
 
 RETURN = "return_"
 """Prefix of the columns of `progress.csv` that hold a reward term's mean return."""
@@ -47,9 +49,12 @@ def write_progress(path: Path, evaluations: Sequence[Evaluation]) -> None:
 
 
 def read_progress(path: Path) -> list[Evaluation]:
-    """What `write_progress` wrote; floats come back bit for bit."""
-    with path.open(encoding="utf-8", newline="") as file:
-        return [_evaluation(row) for row in csv.DictReader(file)]
+    """What `write_progress` wrote, at least one evaluation; floats come back bit for bit.
+
+    Raises `DamagedFileError` for anything else, as all that reads here.
+    """
+    with _reading(path):
+        return [_evaluation(row) for row in _rows(path)]
 
 
 def _evaluation(row: dict[str, str]) -> Evaluation:
@@ -60,16 +65,14 @@ def _evaluation(row: dict[str, str]) -> Evaluation:
 
 
 def read_effects(path: Path) -> dict[tuple[int, str, str], dict[str, str]]:
-    """(stage, reward, action) -> what `oracle.csv` says of the edge, as it stands there; empty where none was asked.
+    """(stage, reward, action) -> what `oracle.csv` says of the edge, as it stands there.
 
     Its columns are `ORACLE`, each with the prefix "oracle_".
     """
-    if not path.exists():
-        return {}
-    with path.open(encoding="utf-8", newline="") as file:
+    with _reading(path):
         return {
             (int(row["stage"]), row["reward"], row["action"]): {f"oracle_{name}": row[name] for name in ORACLE}
-            for row in csv.DictReader(file)
+            for row in _rows(path)
         }
 
 
@@ -93,7 +96,23 @@ def write_counts(path: Path, counts: TrainingCounts, graph: CausalGraph | None) 
 
 def read_counts(path: Path) -> Counts:
     """What `write_counts` wrote."""
-    return Counts(**json.loads(path.read_text(encoding="utf-8")))
+    return validated(path, Counts, read_json(path))
+
+
+@contextmanager
+def _reading(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except (OSError, ValueError, KeyError, TypeError, csv.Error) as error:
+        raise DamagedFileError(f"{path}: not the table that was written ({error!r})") from error
+
+
+def _rows(path: Path) -> list[dict[str, str]]:
+    """The rows of a table that has some."""
+    with path.open(encoding="utf-8", newline="") as file:
+        if rows := list(csv.DictReader(file)):
+            return rows
+    raise ValueError("no rows")
 
 
 def write_rows(path: Path, columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> None:

@@ -4,12 +4,17 @@
 `action_names`, `reward_names`, `sequence` (n,), and `about`: JSON with units, seed and all that determines the samples;
 with `observation: paper` also `frames` (n, size), images as rows of 48 x 64 x 3 or LiDAR scans in metres.
 As a table: `pd.DataFrame(d["states"], columns=d["state_names"])`. Nothing in them is ever unpickled.
+
+A file ends with the SHA-256 of all that comes before it, as the comment of the .zip that an .npz is; it is checked
+before anything else is read.
 """
 
 from __future__ import annotations
 
+import hashlib
 import io
 import json
+import logging
 import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -18,11 +23,13 @@ from typing import Any
 
 import numpy as np
 
+from causalbench import formats
 from causalbench.atomic import write_bytes
 from causalbench.core.discovery.samples.streams import About, Origin
 from causalbench.core.discovery.samples.transitions import Samples
 from causalbench.core.tasks.task import Task
-from causalbench.errors import RunFolderError
+from causalbench.errors import DamagedFileError
+from causalbench.store.files import check_file
 
 UNITS = {
     "states": "metres; quaternion components (w, x, y, z) have none",
@@ -30,6 +37,10 @@ UNITS = {
     "rewards": "the task's own",
 }
 ARRAYS = ("states", "actions", "rewards", "sequence")
+DIGEST = 64
+"""Length of a SHA-256 in hex digits."""
+
+LOG = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -40,9 +51,13 @@ class SampleFolder:
 
     def load(self, about: About) -> Samples | None:
         """See `SampleStore`."""
+        path = self._file(about)
+        if not path.exists():
+            return None
         try:
-            content = _read(self._file(about))
-        except (OSError, ValueError, KeyError, zipfile.BadZipFile):  # missing, cut off or not ours
+            content = _read(path)
+        except DamagedFileError as error:
+            LOG.warning("%s; its samples are collected again", error)
             return None
         kept = content.pop("about")
         if kept["request"] != about:
@@ -61,7 +76,13 @@ class SampleFolder:
             "reward_names": np.array(task.stage_terms(about["stage"], discoverable_only=True)),
             "about": np.array(
                 json.dumps(
-                    {"request": about, "units": UNITS, "env_steps": samples.env_steps, "refused": samples.refused}
+                    {
+                        "schema": formats.SAMPLES,
+                        "request": about,
+                        "units": UNITS,
+                        "env_steps": samples.env_steps,
+                        "refused": samples.refused,
+                    }
                     | ({"sensor": samples.sensor} if samples.sensor else {}),
                     sort_keys=True,
                 )
@@ -74,25 +95,39 @@ class SampleFolder:
     def origin(self) -> tuple[Origin, About]:
         """Which simulator the samples are from, and what determined those of stage 1's D_random.
 
-        Raises `RunFolderError` when they are not there.
+        Raises `DamagedFileError` when they are not there.
         """
-        path = self.path / "stage1-random.npz"
         try:
-            about = _read(path)["about"]["request"]
-            return Origin(about["backend"], about["engine"], about["robot"]), about
-        except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
-            raise RunFolderError(
-                f"{path}: no samples here ({error}); give the folder `data` that `causalbench discover` wrote"
+            about = _read(self.path / "stage1-random.npz")["about"]["request"]
+        except DamagedFileError as error:
+            raise DamagedFileError(
+                f"no samples here: {error}; give the folder `data` that `causalbench discover` wrote"
             ) from error
+        return Origin(about["backend"], about["engine"], about["robot"]), about
 
     def _file(self, about: About) -> Path:
         return self.path / f"stage{about['stage']}-{about['set']}.npz"
 
 
 def _read(path: Path) -> dict[str, Any]:
-    with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
+    """The arrays of a file and its `about`. Raises `DamagedFileError` unless it is, bit for bit, one that was saved."""
+    check_file(path)
+    content = path.read_bytes()
+    if hashlib.sha256(content[:-DIGEST]).hexdigest().encode() != content[-DIGEST:]:
+        raise DamagedFileError(f"{path}: its SHA-256 is not that of the samples that were written")
+    try:
+        return _unpack(content)
+    except Exception as error:  # what was not written by `_npz` may raise anything
+        raise DamagedFileError(f"{path}: no samples of schema {formats.SAMPLES} ({error!r})") from error
+
+
+def _unpack(content: bytes) -> dict[str, Any]:
+    with np.load(io.BytesIO(content), allow_pickle=False) as file:
+        about = json.loads(str(file["about"]))
+        if about["schema"] != formats.SAMPLES:
+            raise ValueError(f"schema {about['schema']}")
         names = [name for name in (*ARRAYS, "frames") if name in file or name in ARRAYS]
-        return {name: file[name] for name in names} | {"about": json.loads(str(file["about"]))}
+        return {name: file[name] for name in names} | {"about": about}
 
 
 def _npz(arrays: Mapping[str, np.ndarray[Any, Any]]) -> bytes:
@@ -105,4 +140,6 @@ def _npz(arrays: Mapping[str, np.ndarray[Any, Any]]) -> bytes:
                 info.compress_type = zipfile.ZIP_DEFLATED
             with archive.open(info, "w") as member:
                 np.lib.format.write_array(member, array, allow_pickle=False)  # type: ignore[no-untyped-call]
-    return buffer.getvalue()
+        archive.comment = bytes(DIGEST)
+    content = buffer.getvalue()[:-DIGEST]
+    return content + hashlib.sha256(content).hexdigest().encode()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -13,6 +12,7 @@ from typing import Any, ClassVar
 from causalbench.core.discovery.settings import DiscoverySettings
 from causalbench.core.learners.methods import Method
 from causalbench.core.learners.settings import EvaluationSettings
+from causalbench.digests import content_hash
 
 GridPoint = Mapping[str, Any]
 """The settings of a suite's grid that reached a cell: dotted key -> value. Empty without a grid."""
@@ -57,8 +57,8 @@ class DiscoveryCell:
 
     @cached_property
     def id(self) -> str:
-        """A slug to read and the start of a SHA-256."""
-        return f"{self.task.name}-{self.backend.name}-s{self.seed}-{content_hash(self.identity)}"
+        """See `cell_id`."""
+        return cell_id(self.identity)
 
 
 @dataclass(frozen=True)
@@ -91,9 +91,8 @@ class LearnerCell:
 
     @cached_property
     def id(self) -> str:
-        """A slug to read and the start of a SHA-256."""
-        slug = f"{self.task.name}-{self.backend.name}-{self.method.name}-s{self.seed}"
-        return f"{slug}-{content_hash(self.identity)}"
+        """See `cell_id`."""
+        return cell_id(self.identity)
 
 
 Cell = DiscoveryCell | LearnerCell
@@ -105,7 +104,8 @@ def _plain(content: Mapping[str, Any]) -> dict[str, Any]:
     return data
 
 
-def content_hash(content: Mapping[str, Any]) -> str:
-    """First 10 hex digits of the SHA-256 of canonical JSON; the order of keys does not matter."""
-    text = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
-    return hashlib.sha256(text.encode()).hexdigest()[:10]
+def cell_id(identity: Mapping[str, Any]) -> str:
+    """The id of a cell with this identity: a slug to read and the start of a SHA-256."""
+    method = [identity["method"]["name"]] if "method" in identity else []
+    slug = [identity["task"]["name"], identity["backend"]["name"], *method, f"s{identity['seed']}"]
+    return "-".join([*slug, content_hash(identity)])

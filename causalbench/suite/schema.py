@@ -11,6 +11,7 @@ import pydantic
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 
 from causalbench.errors import UnknownNameError
+from causalbench.formats import SuiteFormat
 from causalbench.plugins.manager import Plugins
 from causalbench.suite.grid import Grid, layer_of
 from causalbench.suite.messages import as_json, explain, guess, worst
@@ -66,7 +67,7 @@ class Suite(DiscoveryLayer):
     independent. A suite without methods asks for the graphs alone, each seed's.
     """
 
-    version: Literal[1] = Field(alias="schema")
+    version: SuiteFormat = Field(alias="schema")
     name: Name
     task: str
     backends: tuple[str, ...] = Field(min_length=1)

@@ -15,7 +15,7 @@ from causalbench.core.staged.env import StageTaskEnv
 from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench.errors import UserError
 from causalbench.run.play import STILL, film_episode, play
-from causalbench.store.cells import RunFolder
+from causalbench.store.run_folder import RunFolder
 
 
 @pytest.fixture

@@ -18,26 +18,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from runs import RESULT_FILES, results
 
 from causalbench.plugins.manager import installed
 from causalbench.run.cell import Keeping, run_cell
-from causalbench.store.cells import RunFolder
+from causalbench.store.run_folder import RunFolder
 from causalbench.suite.cells import LearnerCell
 from causalbench.suite.plan import make_plan
 from causalbench.suite.schema import load_suite
-
-RESULT_FILES = ("results.csv", "curves.csv", "returns.csv", "stages.csv", "discovery.csv", "leaderboard.csv")
-
-
-TIMED = ("status.json", "log.txt")
-"""The files of a cell that hold times."""
-
-
-def results(run: Path) -> dict[str, bytes]:
-    """Every file of a run that holds a result: the tables, and all of each cell but its times."""
-    paths = [run / name for name in RESULT_FILES]
-    paths += [path for kind in ("cells", "discovery") for path in run.glob(f"{kind}/**/*") if path.is_file()]
-    return {str(path.relative_to(run)): path.read_bytes() for path in sorted(paths) if path.name not in TIMED}
 
 
 def rows(path: Path) -> list[dict[str, str]]:
@@ -55,7 +43,7 @@ def arguments(suite: Path, out: Path) -> list[str]:
 
 def test_a_finished_run_has_every_file_of_the_layout(finished_run: Path) -> None:
     top = {path.name for path in finished_run.iterdir() if not path.name.startswith(".")}
-    assert top == {*RESULT_FILES, "timing.csv", "environment.json", "suite.yaml", "cells", "discovery"}
+    assert top == {*RESULT_FILES, "timing.csv", "environment.json", "run.json", "suite.yaml", "cells", "discovery"}
     learner = {"cell.json", "status.json", "progress.csv", "counts.json", "log.txt", "policy"}
     assert [{p.name for p in cell.iterdir()} for cell in (finished_run / "cells").iterdir()] == [learner] * 2
     discovery = {"cell.json", "status.json", "graph.json", "manual.json", "evidence.csv", "log.txt", "figures", "data"}
@@ -161,7 +149,7 @@ def test_a_second_command_runs_only_what_is_missing_or_failed(
     run = tmp_path / "run"
     shutil.copytree(finished_run, run)
     kept, again = sorted((run / "cells").iterdir())
-    (again / "status.json").write_text(json.dumps({"state": "failed", "reason": "x", "seconds": 1.0, "env_steps": 0}))
+    (again / "status.json").write_text(json.dumps({"schema": 2, "state": "failed", "reason": "x"}))
     before = (kept / "status.json").stat().st_mtime_ns
     done = subprocess.run([*command, *arguments(tiny_suite, run)[:-1]], check=True, capture_output=True, text=True)
     assert "1 of 3 cells to run" in done.stderr

@@ -12,7 +12,7 @@ from causalbench.plugins.manager import Plugins, load_plugins
 from causalbench.report.tables import write_tables
 from causalbench.run.cell import Keeping
 from causalbench.run.session import Execution, run_plan, status_in, to_do
-from causalbench.store.cells import RunFolder
+from causalbench.store.run_folder import RunFolder
 from causalbench.suite.plan import make_plan
 from causalbench.suite.schema import load_suite
 

@@ -12,8 +12,8 @@ from causalbench.errors import UserError
 from causalbench.plugins.manager import installed
 from causalbench.run.cell import Keeping, run_cell
 from causalbench.run.tensorboard import summary_writer
-from causalbench.store.cells import RunFolder
 from causalbench.store.records import read_progress
+from causalbench.store.run_folder import RunFolder
 from causalbench.suite.cells import LearnerCell
 from causalbench.suite.plan import make_plan
 from causalbench.suite.schema import load_suite

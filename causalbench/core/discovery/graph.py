@@ -13,10 +13,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from causalbench import formats
 from causalbench.core.tasks.task import Task
 from causalbench.errors import InvalidGraphError
-
-SCHEMA = 4
 
 
 @dataclass(frozen=True)
@@ -115,7 +114,7 @@ class CausalGraph:
         return hashlib.sha256(_canonical(self._content()).encode()).hexdigest()[:16]
 
     def _content(self) -> dict[str, Any]:
-        return {"schema": SCHEMA} | dataclasses.asdict(self)
+        return {"schema": formats.GRAPH} | dataclasses.asdict(self)
 
     def to_json(self) -> str:
         """JSON text whose `hash` key is that of the rest."""
@@ -131,8 +130,8 @@ class CausalGraph:
         """The graph in the file `path`; raises as `from_json`, and `InvalidGraphError` when it cannot be read."""
         try:
             text = path.read_text(encoding="utf-8")
-        except OSError as error:
-            raise InvalidGraphError(f"{path}: cannot be read ({error.strerror}); run `causalbench discover`") from error
+        except (OSError, UnicodeDecodeError) as error:
+            raise InvalidGraphError(f"{path}: cannot be read ({error}); run `causalbench discover`") from error
         return cls.from_json(text, path)
 
     @classmethod
@@ -141,7 +140,7 @@ class CausalGraph:
         try:
             data = json.loads(text)
             claimed = data.pop("hash")
-            if data.pop("schema") != SCHEMA:
+            if data.pop("schema") != formats.GRAPH:
                 raise InvalidGraphError(f"{source}: made by another version of causalbench; run discovery again")
             data["stages"] = tuple(_stage_graph(stage) for stage in data["stages"])
             data["columns"] = tuple(map(_column, data["columns"]))

@@ -9,11 +9,12 @@ from dataclasses import asdict
 
 import numpy as np
 
+from causalbench import formats
 from causalbench.core.world.layout import Box, Layout
 from causalbench.core.world.scene import SceneSpec
 from causalbench.errors import SnapshotError
 
-MAGIC = b"CBS1"
+MAGIC = f"CBS{formats.SNAPSHOT}".encode()
 # Magic, digest of the spec, of all that follows, bytes of the backend's name, of the boxes' names and of the state.
 _HEAD = struct.Struct("<4s32s32sIII")
 _BOX = 10  # half extents, position, quaternion

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,15 +12,19 @@ from typing import Any, Literal
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from safetensors.torch import load_file, save_file
+from safetensors import SafetensorError
+from safetensors.torch import load, save_file
 from torch import Tensor
 
+from causalbench import formats
+from causalbench.atomic import write_json
 from causalbench.core.networks.encoder import Encoder
 from causalbench.core.networks.gaussian import gaussian_actor
 from causalbench.core.networks.squashed_gaussian import squashed_actor, squashed_sample
+from causalbench.digests import content_hash, file_digest
 from causalbench.errors import UserError
 
-SCHEMA = 2
+META, WEIGHTS = "policy.json", "policy.safetensors"
 
 Distribution = Literal["squashed", "gaussian"]
 """What an actor's tensors mean: SAC's squashed Gaussian or PPO's clipped one."""
@@ -104,7 +109,7 @@ class StagedPolicy:
         return (mean + log_std.exp() * noise).clamp(-1.0, 1.0)
 
     def save(self, folder: Path | str) -> None:
-        """Write `policy.safetensors` and `policy.json` into `folder`."""
+        """Write `policy.safetensors`, and `policy.json` with its SHA-256 and that of all else, into `folder`."""
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
         tensors = {  # clones, since the file has no place for stages that share an actor
@@ -112,34 +117,50 @@ class StagedPolicy:
             for i, actor in enumerate(self.actors, 1)
             for k, w in enumerate(actor)
         }
-        save_file(tensors, folder / "policy.safetensors")
+        save_file(tensors, folder / WEIGHTS)
         meta = {
-            "schema": SCHEMA,
+            "schema": formats.POLICY,
             "distribution": self.distribution,
             "n_actions": self.n_actions,
             "actions": [a.tolist() for a in self.actions],
             "low": self.scale.low,
             "high": self.scale.high,
             "sensor": self.scale.sensor,
+            "weights": file_digest(folder / WEIGHTS),
         }
-        (folder / "policy.json").write_text(json.dumps(meta, indent=1))
+        write_json(folder / META, meta | {"sha256": content_hash(meta, 64)})
 
 
 def load_policy(folder: Path | str) -> StagedPolicy:
-    """The policy saved in `folder`. Raises `UserError` when there is none or another version wrote it."""
+    """The policy saved in `folder`.
+
+    Raises `UserError` when there is none, when another version wrote it, and when it is not what was saved.
+    """
     folder = Path(folder)
     try:
-        meta = json.loads((folder / "policy.json").read_text())
-        tensors = load_file(folder / "policy.safetensors")
+        meta, tensors = _read(folder)
+        actors = []
+        for stage in range(1, len(meta["actions"]) + 1):
+            prefix = f"stage{stage}."
+            count = sum(name.startswith(prefix) for name in tensors)
+            actors.append([tensors[f"{prefix}{k}"] for k in range(count)])
+        actions = [np.array(a, dtype=np.int64) for a in meta["actions"]]
+        scale = ObservationScale(tuple(meta["low"]), tuple(meta["high"]), meta["sensor"])
+        return StagedPolicy(actors, actions, meta["n_actions"], scale, meta["distribution"])
     except FileNotFoundError as error:
         raise UserError(f"{folder}: no trained policy here ({error.filename} is missing)") from error
-    if meta.get("schema") != SCHEMA:
-        raise UserError(f"{folder}: policy schema {meta.get('schema')}, expected {SCHEMA}; train again")
-    actors = []
-    for stage in range(1, len(meta["actions"]) + 1):
-        prefix = f"stage{stage}."
-        count = sum(name.startswith(prefix) for name in tensors)
-        actors.append([tensors[f"{prefix}{k}"] for k in range(count)])
-    actions = [np.array(a, dtype=np.int64) for a in meta["actions"]]
-    scale = ObservationScale(tuple(meta["low"]), tuple(meta["high"]), meta.get("sensor", ""))
-    return StagedPolicy(actors, actions, meta["n_actions"], scale, meta["distribution"])
+    except (OSError, SafetensorError, ValueError, KeyError, TypeError) as error:
+        raise UserError(f"{folder}: not a policy that causalbench saved, or damaged ({error}); train again") from error
+
+
+def _read(folder: Path) -> tuple[dict[str, Any], dict[str, Tensor]]:
+    """What is written in the two files. Raises `ValueError` unless it is what was saved, by this version."""
+    meta = json.loads((folder / META).read_bytes())
+    content = (folder / WEIGHTS).read_bytes()
+    if meta["schema"] != formats.POLICY:
+        raise ValueError(f"schema {meta['schema']}, expected {formats.POLICY}")
+    if meta.pop("sha256") != content_hash(meta, 64):
+        raise ValueError(f"the SHA-256 of {META} differs")
+    if meta["weights"] != hashlib.sha256(content).hexdigest():
+        raise ValueError(f"the SHA-256 of {WEIGHTS} differs")
+    return meta, load(content)

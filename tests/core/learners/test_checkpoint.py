@@ -149,7 +149,7 @@ class _Newer(KinematicScene):
         (lambda path, data: save_file({"a": np.zeros(1)}, path), "not a checkpoint of causalbench, or damaged"),
         (
             lambda path, data: save_file({}, path, {"causalbench": json.dumps({"schema": 0, "identity": {}})}),
-            "checkpoint schema 0, expected 2",
+            "schema 0, expected 3",
         ),
     ],
     ids=["torn", "pickle", "empty", "another program's", "older"],
@@ -159,6 +159,18 @@ def test_what_is_no_checkpoint_is_refused(stopped, tmp_path, write, message):
     write(path, stopped.read_bytes())
     with pytest.raises(CheckpointError, match=message):
         run("kinematic", "cmmSAC", path)
+
+
+def test_no_flipped_bit_goes_unnoticed(tmp_path):
+    path, rng = tmp_path / "checkpoint.safetensors", random.Random(1)
+    save_checkpoint(path, {"weights": torch.randn(7, 5), "steps": 30, "rng": {"state": 2**100}}, {"seed": 0})
+    content = path.read_bytes()
+    for _ in range(2000):
+        changed = bytearray(content)
+        changed[rng.randrange(len(changed))] ^= 1 << rng.randrange(8)
+        path.write_bytes(bytes(changed))
+        with pytest.raises(CheckpointError, match=f"{path}: .*; delete it"):
+            load_checkpoint(path, {"seed": 0})
 
 
 def test_a_write_that_dies_leaves_the_old_checkpoint(stopped, tmp_path, monkeypatch):
