@@ -12,18 +12,20 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from causalbench.core.staged.env import Observe, StageTaskEnv
+    from causalbench.plugins.manager import Plugins
 
 
 def register_envs() -> None:
-    """Register the built-in tasks in Gymnasium; imports no simulator, no torch and no plugin.
+    """Register every installed task in Gymnasium by its `env_id`; imports no simulator and no torch."""
+    from causalbench.plugins.manager import when_installed
 
-    A plugin's task is reached through `make_env(task=...)`.
-    """
+    when_installed(_register)
+
+
+def _register(plugins: Plugins) -> None:
     import gymnasium
 
-    from causalbench.plugins.builtins import TASKS
-
-    for task in TASKS:
+    for task in plugins.tasks.values():
         if task.env_id not in gymnasium.registry:
             gymnasium.register(task.env_id, entry_point="causalbench.registration:make_env", kwargs={"task": task.name})
 

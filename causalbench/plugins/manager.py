@@ -163,7 +163,23 @@ def scene_maker(backend: Backend, task: Task, options: Mapping[str, Any] = NO_OP
 @functools.cache
 def installed() -> Plugins:
     """`load_plugins()`, once a process."""
-    return load_plugins()
+    _LOADING.append([])
+    plugins = load_plugins()
+    for call in _LOADING.pop():
+        call(plugins)
+    return plugins
+
+
+_LOADING: list[list[Callable[[Plugins], None]]] = []
+"""What waits for the end of a loading that is under way; empty when none is."""
+
+
+def when_installed(call: Callable[[Plugins], None]) -> None:
+    """Call `call(installed())` now, or at the end of a loading that is under way: a plugin may be what asks for it."""
+    if _LOADING:
+        _LOADING[-1].append(call)
+    else:
+        call(installed())
 
 
 def load_plugins() -> Plugins:

@@ -1,0 +1,61 @@
+"""The example of a stranger's task, as a stranger installs and uses it."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from installing import call, install
+
+EXAMPLE = Path(__file__).parents[1] / "examples" / "a_task"
+MODULE = EXAMPLE / "causalbench_hover.py"
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("site")
+    install(EXAMPLE, folder)
+    return folder
+
+
+def test_it_imports_from_causalbench_what_its_facade_offers() -> None:
+    imported = [node for node in ast.walk(ast.parse(MODULE.read_text())) if isinstance(node, ast.ImportFrom)]
+    assert {node.module for node in imported if node.module.startswith("causalbench")} == {"causalbench.task"}
+
+
+SOLVES = """
+import gymnasium
+from gymnasium.utils.env_checker import check_env
+env = gymnasium.make("causalbench:hover/Hover-v0", backend="BACKEND").unwrapped
+check_env(env, skip_render_check=True)
+for seed in range(5):
+    _, info = env.reset(seed=seed, options={"stage": 1})
+    for _ in range(env.task.horizon):
+        *_, terminated, truncated, info = env.step(env.task.expert(env.facts, env.scene.spec))
+        if terminated:
+            break
+    assert info["is_success"], seed
+print("solved")
+"""
+
+
+def test_gymnasium_makes_it_by_its_id_and_the_expert_solves_it(site: Path, tmp_path: Path, backend: str) -> None:
+    (tmp_path / "solve.py").write_text(SOLVES.replace("BACKEND", backend))
+    done = call(tmp_path, site, "solve")
+    assert done.stdout.strip().endswith("solved"), done.stderr
+
+
+def test_a_suite_discovers_its_causes_and_ranks_methods_on_it(site: Path, tmp_path: Path) -> None:
+    suite = str(EXAMPLE / "suite.yaml")
+    done = call(tmp_path, site, "causalbench", "run", suite, "--tier", "smoke", "--out", "run", "--quiet")
+    assert done.returncode == 0, done.stderr
+    edges = pd.read_csv(tmp_path / "run" / "discovery.csv")
+    strong = edges[edges["oracle_grade"] == "strong"]
+    found = {(row.stage, row.reward, row.action) for row in edges[edges["selected"] == 1].itertuples()}
+    # Base x drives world y and base y world -x; near its reach limit armx moves the hand down, too.
+    assert found >= {(1, "r_x", "army"), (1, "r_y", "armx"), (2, "r_z", "armz")}
+    assert (strong["selected"] == 1).all()
+    board = pd.read_csv(tmp_path / "run" / "leaderboard.csv")
+    assert set(board["method"]) == {"cmSAC", "mSAC"}
