@@ -27,6 +27,7 @@ from causalbench.core.discovery.samples.transitions import Samples, StageSamples
 from causalbench.core.discovery.settings import DiscoverySettings
 from causalbench.core.discovery.truth.counterfactual import Walk
 from causalbench.core.kinematic import make
+from causalbench.core.staged.scene_worlds import SceneWorlds
 from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench.core.tasks.task import Task
 from causalbench.core.world.batch import make_batch
@@ -102,7 +103,7 @@ def gather() -> StageSamples:
 
     def one(stream: int, count: int, do: int | None) -> Samples:
         rng = np.random.default_rng([0, STAGE, stream])
-        return collect(TASK, batch, STAGE, count, do, rng, 10, 0, lambda n: None)
+        return collect(SceneWorlds(TASK, batch), STAGE, count, do, rng, 10, 0, lambda n: None)
 
     interventions = tuple(one(2 + k, COUNT, k) for k in range(len(TASK.actions)))
     return StageSamples(one(0, COUNT, None), one(1, COUNT // 5, None), interventions)

@@ -15,7 +15,7 @@ from causalbench.core.learners.registry import Policy
 from causalbench.core.learners.settings import observed
 from causalbench.core.staged.env import StageTaskEnv
 from causalbench.errors import UserError
-from causalbench.plugins.manager import installed, scene_maker
+from causalbench.plugins.manager import installed, worlds_maker
 from causalbench.store.cells import RunFolder, StoredCell
 from causalbench.suite.selection import Selection
 
@@ -51,12 +51,8 @@ def _film(cell: StoredCell, path: Path, episodes: int) -> Path:
     identity = cell.identity
     task = installed().task(identity["task"]["name"])
     backend = installed().backend(identity["backend"]["name"])
-    env = StageTaskEnv(
-        task,
-        scene_maker(backend, task, identity["backend"]["options"])(),
-        None,
-        *observed(identity["learner"]).values(),
-    )
+    worlds = worlds_maker(backend, task, identity["backend"]["options"])()
+    env = StageTaskEnv(worlds, None, *observed(identity["learner"]).values())
     temporary = path.with_name(f".{path.stem}.{os.getpid()}.tmp.mp4")
     title = f"{identity['method']['name']} on {backend.name}, seed {identity['seed']}"
     try:
@@ -95,7 +91,7 @@ def film_episode(policy: Policy, env: StageTaskEnv, seed: int, title: str) -> It
 def _captioned(env: StageTaskEnv, text: str) -> Frame:
     from PIL import Image, ImageDraw, ImageFont
 
-    picture = Image.fromarray(env.scene.render(WIDTH, HEIGHT, env.task.camera))
+    picture = Image.fromarray(env.worlds.render(WIDTH, HEIGHT))
     draw = ImageDraw.Draw(picture)
     draw.rectangle((0, 0, WIDTH, CAPTION), fill=(0, 0, 0))
     draw.text((6, 4), text, fill=(255, 255, 255), font=ImageFont.load_default(14))

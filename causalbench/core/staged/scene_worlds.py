@@ -41,25 +41,25 @@ class Snapshot(bytes):
 class SceneWorlds(Worlds):
     """A task in one scene, shape (), or in the n worlds of a batch, shape (n,).
 
-    `facts` is what holds now, and `layouts` are the starts of the worlds that were reset, which are the expert's maps.
+    `scene` is that scene or batch, `facts` what holds now, and `layouts` are the starts of the worlds that were reset,
+    which are the expert's maps.
     """
 
     facts: Facts
 
-    def __init__(self, task: Task, world: Scene | BatchScene) -> None:
+    def __init__(self, task: Task, scene: Scene | BatchScene) -> None:
         self.task: Task = task
-        self.world, self.spec = world, world.spec
-        self._columns = action_columns(task, world.spec)
-        self._batch = world if isinstance(world, BatchScene) else SceneList([world])
-        self.shape = (world.n,) if isinstance(world, BatchScene) else ()
+        self.scene, self.spec = scene, scene.spec
+        self._columns = action_columns(task, scene.spec)
+        self._batch = scene if isinstance(scene, BatchScene) else SceneList([scene])
+        self.shape = (scene.n,) if isinstance(scene, BatchScene) else ()
         self.layouts: dict[int, Layout] = {}
-        self.origin = origin_of(world.spec)
-        self.identity = dataclasses.asdict(world.spec) | {"capabilities": sorted(world.spec.capabilities)}
-        self.capabilities = world.spec.capabilities | EVERY_SCENE
-        self.render_fps = round(1 / world.spec.control_dt)
+        self.origin = origin_of(scene.spec)
+        self.identity = dataclasses.asdict(scene.spec) | {"capabilities": sorted(scene.spec.capabilities)}
+        self.capabilities = scene.spec.capabilities | EVERY_SCENE
+        self.render_fps = round(1 / scene.spec.control_dt)
         self.stage = np.zeros(self.shape, dtype=np.int64)
-        self._full = np.zeros((*self.shape, len(world.spec.actions)))
-        self._never = np.zeros(self.shape, dtype=bool)
+        self._full = np.zeros((*self.shape, len(scene.spec.actions)))
         self.choose_observation()
 
     def reset(self, worlds: Sequence[int], rngs: Sequence[np.random.Generator], stage: int | None = None) -> None:
@@ -69,19 +69,16 @@ class SceneWorlds(Worlds):
 
     def _read(self) -> None:
         """Read what holds now."""
-        self.facts = self.world.facts()
+        self.facts = self.scene.facts()
         self.stage = self.task.stage(self.facts)
 
     def _step(self, actions: Array, repeat: int) -> Step:
         """See `Worlds`."""
         self._full[..., self._columns] = actions
         for _ in range(repeat):
-            self.world.step(self._full)
-        before, stage, task = self.facts, self.stage, self.task
-        self.facts = now = self.world.facts()
-        next_stage, success = task.stage(now), task.success(stage, now)
-        rewards = task.rewards(before, stage, actions, now, next_stage)
-        return Step(stage, next_stage, rewards, success, (next_stage < stage) & ~success, self._never)
+            self.scene.step(self._full)
+        before, self.facts = self.facts, self.scene.facts()
+        return judge(self.task, self.stage, before, actions, self.facts)
 
     def states(self) -> NDArray[np.float32]:
         """See `Worlds`."""
@@ -91,7 +88,7 @@ class SceneWorlds(Worlds):
         """See `Worlds`."""
         if not sensor:
             return np.empty((*self.shape, 0), np.uint8)
-        return sense(self.world, sensor).reshape(*self.shape, -1)
+        return sense(self.scene, sensor).reshape(*self.shape, -1)
 
     def choose_observation(self, gripper: bool = True, observe: Observe = "state") -> None:
         """See `Worlds`."""
@@ -100,24 +97,28 @@ class SceneWorlds(Worlds):
 
     def observe(self) -> Observation:
         """See `Worlds`."""
-        return self._observer(self.facts, self.stage, self.world)
+        return self._observer(self.facts, self.stage, self.scene)
 
     def snapshot(self, world: int) -> bytes:
         """See `Worlds`."""
-        if isinstance(self.world, BatchScene):
-            return self.world.snapshots()[world]
-        taken = Snapshot(self.world.snapshot())
-        taken.facts, taken.stage = self.facts, self.stage
-        return taken
+        if not isinstance(self.scene, BatchScene):
+            taken = Snapshot(self.scene.snapshot())
+            taken.facts, taken.stage = self.facts, self.stage
+            return taken
+        if isinstance(self.scene, SceneList):
+            return self.scene.scenes[world].snapshot()
+        return self.scene.snapshots()[world]
 
-    def restore(self, world: int, snapshot: bytes) -> None:
+    def restore(self, worlds: Sequence[int], snapshots: Sequence[bytes]) -> None:
         """See `Worlds`."""
-        if isinstance(self.world, BatchScene):
-            self.world.restore([*(others := self.world.snapshots())[:world], snapshot, *others[world + 1 :]])
+        if isinstance(self._batch, SceneList):
+            for world, snapshot in zip(worlds, snapshots, strict=True):
+                self._batch.scenes[world].restore(snapshot)
         else:
-            self.world.restore(snapshot)
-        if isinstance(snapshot, Snapshot):
-            self.facts, self.stage = snapshot.facts, snapshot.stage
+            named = dict(enumerate(self._batch.snapshots())) | dict(zip(worlds, snapshots, strict=True))
+            self._batch.restore([named[world] for world in range(self.n)])
+        if not self.shape and isinstance(snapshots[0], Snapshot):
+            self.facts, self.stage = snapshots[0].facts, snapshots[0].stage
         else:
             self._read()
 
@@ -142,11 +143,18 @@ class SceneWorlds(Worlds):
 
     def render(self, width: int, height: int) -> NDArray[np.uint8]:
         """See `Worlds`."""
-        return self.world.render(width, height, self.task.camera)
+        return self.scene.render(width, height, self.task.camera)
 
     def close(self) -> None:
         """See `Worlds`."""
-        self.world.close()
+        self.scene.close()
+
+
+def judge(task: Task, stage: NDArray[np.int64], before: Facts, actions: Array, now: Facts) -> Step:
+    """What the change by `actions` from `before`, in `stage` = U(before), to `now` meant to `task`."""
+    next_stage, success = task.stage(now), task.success(stage, now)
+    rewards = task.rewards(before, stage, actions, now, next_stage)
+    return Step(stage, next_stage, rewards, success, (next_stage < stage) & ~success, np.zeros(np.shape(success), bool))
 
 
 def origin_of(spec: SceneSpec) -> Origin:

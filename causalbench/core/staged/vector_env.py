@@ -81,8 +81,8 @@ class StageTaskVectorEnv(gym.vector.VectorEnv[Observation, NDArray[Any], NDArray
 
     def load_state(self, state: Mapping[str, Any]) -> Observation:
         """Go on from `state`, bit for bit if the worlds have "exact_restore"; what they then observe."""
-        for i in range(self.num_envs):
-            self.worlds.restore(i, np.asarray(state[f"world{i}"]).tobytes())
+        snapshots = [np.asarray(state[f"world{i}"]).tobytes() for i in range(self.num_envs)]
+        self.worlds.restore(range(self.num_envs), snapshots)
         self._clock[:] = state["clock"]
         self._rngs = [np.random.default_rng() for _ in range(self.num_envs)]
         for rng, rng_state in zip(self._rngs, state["rngs"], strict=True):

@@ -1,7 +1,7 @@
 """THE step: worlds of one staged task, the only place where an action becomes a judged transition.
 
-Environments, discovery, the oracle, evaluation and conformance all go through `Worlds.step`. What the worlds are made of
-is up to two classes: `SceneWorlds`, a task over scenes, and `GymWorlds`, any Gymnasium environment.
+Environments, discovery, the oracle, evaluation and conformance all go through `Worlds.step`. What the worlds are made
+of is up to two classes: `SceneWorlds`, a task over scenes, and `GymWorlds`, any Gymnasium environment.
 """
 
 from __future__ import annotations
@@ -118,8 +118,8 @@ class Worlds(ABC):
         """All of one world's state, for `restore`; needs the capability `RESTORE`."""
 
     @abstractmethod
-    def restore(self, world: int, snapshot: bytes) -> None:
-        """Return a world to a snapshot, taken of any world of equal `identity`, also in another process."""
+    def restore(self, worlds: Sequence[int], snapshots: Sequence[bytes]) -> None:
+        """Return some worlds, each to a snapshot of any world of equal `identity`, also of another process."""
 
     @abstractmethod
     def expert(self, worlds: Sequence[int] | None = None) -> Array:

@@ -41,7 +41,7 @@ class Walk:
             self._left = self.length
             self.sequence += 1
         elif self._elsewhere:
-            self.worlds.restore(0, self._after)
+            self.worlds.restore([0], [self._after])
         self._start, self._inputs = self.worlds.snapshot(0), self.worlds.states()
         return self.rng.uniform(-1.0, 1.0, len(self.task.actions))
 
@@ -72,7 +72,7 @@ class Walk:
         return np.array([self.take(drawn), *others])
 
     def _try(self, action: Array) -> tuple[Array, Step]:
-        self.worlds.restore(0, self._start)
+        self.worlds.restore([0], [self._start])
         step = self.worlds.step(action, self.action_repeat)
         return step.rewards[self._columns], step
 
