@@ -27,8 +27,9 @@ from causalbench.core.discovery.samples.transitions import Samples, StageSamples
 from causalbench.core.discovery.settings import DiscoverySettings
 from causalbench.core.discovery.truth.counterfactual import Walk
 from causalbench.core.kinematic import make
+from causalbench.core.staged.scene_worlds import SceneWorlds
 from causalbench.core.tasks.pure_manipulation import TASK
-from causalbench.core.tasks.task import Task
+from causalbench.core.tasks.stage_task import StageTask
 from causalbench.core.world.batch import make_batch
 from causalbench.core.world.scene import Scene
 
@@ -57,7 +58,7 @@ class RewardModel(nn.Module):
 class Subset:
     """The `StageProblem` of the first `training_count` samples of each set of one stage."""
 
-    task: Task
+    task: StageTask
     stage: int
     settings: DiscoverySettings
     seed: int
@@ -102,7 +103,7 @@ def gather() -> StageSamples:
 
     def one(stream: int, count: int, do: int | None) -> Samples:
         rng = np.random.default_rng([0, STAGE, stream])
-        return collect(TASK, batch, STAGE, count, do, rng, 10, 0, lambda n: None)
+        return collect(SceneWorlds(TASK, batch), STAGE, count, do, rng, 10, 0, lambda n: None)
 
     interventions = tuple(one(2 + k, COUNT, k) for k in range(len(TASK.actions)))
     return StageSamples(one(0, COUNT, None), one(1, COUNT // 5, None), interventions)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from timing import EPISODE, STEPS, env_overhead, random_actions, timed
 
 from causalbench.core.staged.env import StageTaskEnv
+from causalbench.core.staged.scene_worlds import SceneWorlds
 from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench_gymrob import make
 from causalbench_gymrob.scene import GymrobScene
@@ -33,7 +34,7 @@ def against_raw(timestep: float) -> tuple[float, float]:
     servo targets that the scene set, in alternating order.
     """
     scene = make(timestep=timestep)
-    env = StageTaskEnv(TASK, scene)
+    env = StageTaskEnv(SceneWorlds(TASK, scene))
     assert isinstance(scene, GymrobScene)
     ours, raw = [], []
     for i, action in enumerate(random_actions(0, STEPS)):
@@ -71,7 +72,7 @@ def stock_env(timestep: float) -> object:
 
 def against_stock(timestep: float) -> tuple[float, float]:
     """Simulated seconds per second of our environment and of the stock one, medians over turns."""
-    env, stock = StageTaskEnv(TASK, make(timestep=timestep)), stock_env(timestep)
+    env, stock = StageTaskEnv(SceneWorlds(TASK, make(timestep=timestep))), stock_env(timestep)
     rng = np.random.default_rng(2)
     ours, theirs = [], []
     for turn in range(TURNS):
@@ -80,7 +81,7 @@ def against_stock(timestep: float) -> tuple[float, float]:
         actions = random_actions(turn, SEGMENT)
         stock_actions = rng.uniform(-1, 1, (SEGMENT, 4)).astype(np.float32)
         taken = timed(lambda a=actions: [env.step(action) for action in a])
-        ours.append(SEGMENT * env.scene.spec.control_dt / taken)
+        ours.append(SEGMENT * env.worlds.scene.spec.control_dt / taken)
         taken = timed(lambda a=stock_actions: [stock.step(action) for action in a])
         theirs.append(SEGMENT * stock.unwrapped.n_substeps * timestep / taken)
     return statistics.median(ours), statistics.median(theirs)

@@ -11,7 +11,9 @@ import numpy as np
 from timing import timed
 
 from causalbench.core.kinematic.worlds import KinematicBatch, KinematicScene
-from causalbench.core.staged.env import StageTaskEnv, reset_worlds
+from causalbench.core.staged.env import StageTaskEnv
+from causalbench.core.staged.scene_worlds import SceneWorlds
+from causalbench.core.staged.starts import draw_starts
 from causalbench.core.tasks.pure_manipulation import TASK
 
 TURNS, STEPS, WORLDS = 15, 400, 256
@@ -19,13 +21,13 @@ TURNS, STEPS, WORLDS = 15, 400, 256
 
 def single() -> tuple[float, float]:
     """Median seconds per control step of the bare scene (step + facts) and of `StageTaskEnv`."""
-    env = StageTaskEnv(TASK, KinematicScene())
+    env = StageTaskEnv(SceneWorlds(TASK, KinematicScene()))
     actions = np.random.default_rng(0).uniform(-0.1, 0.1, (STEPS, len(TASK.actions)))
 
     def bare() -> None:
         for action in actions:
-            env.scene.step(action)
-            env.scene.facts()
+            env.worlds.scene.step(action)
+            env.worlds.scene.facts()
 
     def whole() -> None:
         for action in actions:
@@ -43,7 +45,7 @@ def batched() -> float:
     """Median seconds per world step of a batch (step + facts)."""
     batch = KinematicBatch(WORLDS)
     rng = np.random.default_rng(0)
-    reset_worlds(TASK, batch, range(WORLDS), [rng] * WORLDS)
+    draw_starts(TASK, batch, range(WORLDS), [rng] * WORLDS)
     actions = rng.uniform(-0.1, 0.1, (WORLDS, len(TASK.actions)))
 
     def steps() -> None:

@@ -16,6 +16,7 @@ from timing import EPISODE, STEPS, env_overhead, random_actions, timed
 
 from causalbench.core.numerics import rotations
 from causalbench.core.staged.env import StageTaskEnv
+from causalbench.core.staged.scene_worlds import SceneWorlds
 from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench_pybullet import make
 from causalbench_pybullet.engine import pb
@@ -35,7 +36,7 @@ class Rival:
 def compare(rivals: Callable[[StageTaskEnv], dict[str, Rival]]) -> dict[str, float]:
     """Median seconds of each rival, all from the same states, in alternating order."""
     scene = make()
-    env = StageTaskEnv(TASK, scene)
+    env = StageTaskEnv(SceneWorlds(TASK, scene))
     env.reset(seed=0)
     contenders = rivals(env)
     names = list(contenders)
@@ -60,8 +61,8 @@ def compare(rivals: Callable[[StageTaskEnv], dict[str, Rival]]) -> dict[str, flo
 
 def bullet(env: StageTaskEnv) -> PybulletScene:
     """The scene below the environment."""
-    assert isinstance(env.scene, PybulletScene)
-    return env.scene
+    assert isinstance(env.worlds.scene, PybulletScene)
+    return env.worlds.scene
 
 
 def against_raw(env: StageTaskEnv) -> dict[str, Rival]:

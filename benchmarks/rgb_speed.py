@@ -22,13 +22,13 @@ def seconds_per_picture(backend: str) -> tuple[float, float]:
     env = make_env(backend=backend)
     env.reset(seed=0)
     started = time.perf_counter()
-    env.scene.render(WIDTH, HEIGHT)
+    env.worlds.scene.render(WIDTH, HEIGHT)
     first = time.perf_counter() - started
     seconds = []
     for action in random_actions(0, PICTURES):
         env.step(action)
         started = time.process_time()
-        env.scene.render(WIDTH, HEIGHT)
+        env.worlds.scene.render(WIDTH, HEIGHT)
         seconds.append(time.process_time() - started)
     env.close()
     return statistics.median(seconds), first

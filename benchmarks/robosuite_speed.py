@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from timing import EPISODE, STEPS, env_overhead, random_actions, timed
 
 from causalbench.core.staged.env import StageTaskEnv
+from causalbench.core.staged.scene_worlds import SceneWorlds
 from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench_robosuite import make, model
 from causalbench_robosuite.scene import RobosuiteScene
@@ -42,7 +43,7 @@ def against_raw() -> tuple[float, float]:
     torques by MuJoCo's own loop over `mj_step`, `mujoco.rollout`.
     """
     scene = make()
-    env = StageTaskEnv(TASK, scene)
+    env = StageTaskEnv(SceneWorlds(TASK, scene))
     assert isinstance(scene, RobosuiteScene)
     ours, raw = [], []
     kind = mujoco.mjtState.mjSTATE_FULLPHYSICS
@@ -77,7 +78,7 @@ def stock_env() -> Any:
 
 def against_stock() -> tuple[float, float]:
     """Simulated seconds per second of our environment and of the stock one, medians over turns."""
-    env, stock = StageTaskEnv(TASK, make()), stock_env()
+    env, stock = StageTaskEnv(SceneWorlds(TASK, make())), stock_env()
     rng = np.random.default_rng(2)
     ours, theirs = [], []
     for turn in range(TURNS):
@@ -86,7 +87,7 @@ def against_stock() -> tuple[float, float]:
         actions = random_actions(turn, SEGMENT)
         stock_actions = np.repeat(rng.uniform(-0.4, 0.4, (SEGMENT // 5, 7)), 5, axis=0)
         taken = timed(lambda a=actions: [env.step(action) for action in a])
-        ours.append(SEGMENT * env.scene.spec.control_dt / taken)
+        ours.append(SEGMENT * env.worlds.scene.spec.control_dt / taken)
         taken = timed(lambda a=stock_actions: [stock.step(action) for action in a])
         theirs.append(SEGMENT * stock.control_timestep / taken)
     return statistics.median(ours), statistics.median(theirs)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from causalbench.core.staged.env import StageTaskEnv
+from causalbench.core.staged.scene_worlds import SceneWorlds
 from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench.core.world.scene import Scene
 
@@ -52,7 +53,7 @@ def env_overhead(scene: Scene) -> str:
     The scene's figure is a median; the environment's adds the median of what it took longer, pair by pair, since steps
     differ among themselves by far more than that. Both come after a step, as in a run, not after a restore.
     """
-    env = StageTaskEnv(TASK, scene)
+    env = StageTaskEnv(SceneWorlds(TASK, scene))
     bare, extra = [], []
     for i, action in enumerate(random_actions(1, STEPS)):
         if i % EPISODE == 0:

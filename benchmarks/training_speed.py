@@ -10,7 +10,6 @@ from __future__ import annotations
 import contextlib
 import statistics
 import time
-from collections.abc import Callable
 
 import torch
 
@@ -18,9 +17,9 @@ from causalbench.core.discovery.graph import manual_graph
 from causalbench.core.learners.methods import METHODS
 from causalbench.core.learners.registry import TrainingProblem
 from causalbench.core.learners.settings import EvaluationSettings
+from causalbench.core.staged.worlds import MakeWorlds
 from causalbench.core.tasks.pure_manipulation import TASK
-from causalbench.core.world.scene import Scene
-from causalbench.plugins.manager import installed
+from causalbench.plugins.manager import installed, worlds_maker
 
 STEPS, TURNS = 1_500, 3
 CHANGED = {"SAC": {"learning_starts": 100}, "PPO": {"n_steps": 512}}
@@ -32,7 +31,7 @@ class Enough(Exception):  # noqa: N818 - no error: ends training before its eval
     """The last step is done."""
 
 
-def seconds(name: str, make_scene: Callable[[], Scene], seed: int) -> float:
+def seconds(name: str, make_worlds: MakeWorlds, seed: int) -> float:
     """Processor seconds per env step of one training from its first step."""
     started = time.thread_time()
 
@@ -45,7 +44,7 @@ def seconds(name: str, make_scene: Callable[[], Scene], seed: int) -> float:
     settings, rarely = learner.settings(**CHANGED[name[-3:]]), EvaluationSettings(every=10 * STEPS)
     graph = manual_graph(TASK) if method.matrix == "manual" else None
     problem = TrainingProblem(
-        TASK, make_scene, method, graph, settings, rarely, STEPS, seed, lambda *_: None, on_progress
+        TASK, make_worlds, method, graph, settings, rarely, STEPS, seed, lambda *_: None, on_progress
     )
     with contextlib.suppress(Enough):
         learner.train(problem)
@@ -56,8 +55,8 @@ def main() -> None:
     """Print one block per backend."""
     torch.set_num_threads(1)
     for backend in ("kinematic", "gymrob"):
-        make_scene = installed().backend(backend).make
-        turns = [{name: seconds(name, make_scene, seed) for name in RIVALS} for seed in range(TURNS)]
+        make_worlds = worlds_maker(installed().backend(backend), TASK)
+        turns = [{name: seconds(name, make_worlds, seed) for name in RIVALS} for seed in range(TURNS)]
         medians = {name: statistics.median(turn[name] for turn in turns) for name in RIVALS}
         print(f"{backend}, networks 64-64")
         for name, taken in medians.items():

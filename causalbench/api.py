@@ -18,8 +18,8 @@ from causalbench.core.learners.registry import Learner, Policy, TrainingProblem
 from causalbench.core.learners.settings import EvaluationSettings, observed
 from causalbench.core.learners.training_graph import training_graph
 from causalbench.core.staged.env import StageTaskEnv
-from causalbench.core.tasks.task import Task
-from causalbench.core.world.scene import Scene
+from causalbench.core.staged.worlds import MakeWorlds
+from causalbench.core.tasks.stage_task import StageTask
 from causalbench.errors import UserError
 from causalbench.plugins.manager import installed
 
@@ -42,12 +42,12 @@ def discover(
     seed: int = 0,
     on_progress: Callable[[float, str], None] = _silent,
 ) -> CausalGraph:
-    """The causal graph of `env`'s task (paper, Algorithm 1), found in scenes of its own like that of `env`.
+    """The causal graph of `env`'s task (paper, Algorithm 1), found in worlds of its own like that of `env`.
 
     `on_progress(share done, what is being done)` is called often. Raises `UserError` unless `make_env` made `env`.
     """
-    task, make_scene, _ = _parts(env)
-    return pipeline.discover(task, make_scene, settings, seed, on_progress, discoverers=installed().discoverers)
+    task, make_worlds, _ = _parts(env)
+    return pipeline.discover(task, make_worlds, settings, seed, on_progress, discoverers=installed().discoverers)
 
 
 def train(
@@ -61,7 +61,7 @@ def train(
     checkpoint: Path | str | None = None,
     on_progress: Callable[[float, str], None] = _silent,
 ) -> TrainingRun:
-    """Train `method` on `env`'s task, in scenes of its own like that of `env` (paper, Algorithm 3).
+    """Train `method` on `env`'s task, in worlds of its own like that of `env` (paper, Algorithm 3).
 
     `graph` is what a method with a discovered matrix needs; `settings` is a record of the method's learner, None for
     its defaults; the policy observes what `env` does. With the file `checkpoint`, a call that was killed goes on there
@@ -69,15 +69,15 @@ def train(
     another run, `DivergedError` for a loss that explodes, and `UserError` for the settings of another learner or an
     environment that `make_env` did not make.
     """
-    task, make_scene, seen = _parts(env)
+    task, make_worlds, seen = _parts(env)
     chosen = installed().method(method)
     learner = installed().learner(chosen.learner)
     evaluations: list[Evaluation] = []
     problem = TrainingProblem(
         task=task,
-        make_scene=make_scene,
+        make_worlds=make_worlds,
         method=chosen,
-        graph=training_graph(task, chosen, graph, make_scene, seed),
+        graph=training_graph(task, chosen, graph, make_worlds, seed),
         settings=_observing(learner, settings or learner.settings(), seen),
         evaluation=evaluation,
         env_steps=env_steps,
@@ -102,8 +102,8 @@ def _observing(learner: Learner, settings: Any, seen: Mapping[str, Any]) -> Any:
     return dataclasses.replace(settings, **differing)
 
 
-def _parts(env: gym.Env[Any, Any]) -> tuple[Task, Callable[[], Scene], dict[str, Any]]:
+def _parts(env: gym.Env[Any, Any]) -> tuple[StageTask, MakeWorlds, dict[str, Any]]:
     inner = env.unwrapped
-    if not isinstance(inner, StageTaskEnv) or inner.make_scene is None:
+    if not isinstance(inner, StageTaskEnv) or inner.make_worlds is None:
         raise UserError(f"{env}: expected an environment from causalbench.make_env or gymnasium.make")
-    return inner.task, inner.make_scene, {"observe_gripper": inner.observe_gripper, "observation": inner.observe}
+    return inner.task, inner.make_worlds, {"observe_gripper": inner.observe_gripper, "observation": inner.observe}

@@ -11,7 +11,8 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from causalbench.core.staged.env import Observe, StageTaskEnv
+    from causalbench.core.staged.env import StageTaskEnv
+    from causalbench.core.staged.observation import Observe
     from causalbench.plugins.manager import Plugins
 
 
@@ -72,19 +73,19 @@ def make_env(
     observe: Observe = "state",
     **backend_options: Any,
 ) -> StageTaskEnv:
-    """A task in one new scene of a backend; `backend_options` go to the backend's `make`.
+    """A task in one new world of a backend; `backend_options` go to the backend's `make`.
 
-    `observe="paper"` adds what the paper's agents see beside the state, see `core.env.Observer`.
+    `observe="paper"` adds what the paper's agents see beside the state, see `core.staged.observation.Observer`.
 
     Raises `UnknownNameError` for a task or backend that does not exist, `BackendLoadError` for one that lacks its
     simulator and `UserError` for one that cannot run the task.
     """
     from causalbench.core.staged.env import StageTaskEnv
-    from causalbench.plugins.manager import installed, scene_maker
+    from causalbench.plugins.manager import installed, worlds_maker
 
     plugins = installed()
     chosen = plugins.task(task)
-    make_scene = scene_maker(plugins.backend(backend), chosen, backend_options)
-    env = StageTaskEnv(chosen, make_scene(), render_mode, observe_gripper, observe)
-    env.make_scene = make_scene
+    make_worlds = worlds_maker(plugins.backend(backend), chosen, backend_options)
+    env = StageTaskEnv(make_worlds(), render_mode, observe_gripper, observe)
+    env.make_worlds = make_worlds
     return env

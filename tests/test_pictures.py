@@ -35,7 +35,7 @@ assert "MUJOCO_GL" not in os.environ, "a child process would inherit it"
 for _ in range(3):
     env.step(np.zeros(len(env.action_names)))
 try:
-    env.scene.render(64, 48)
+    env.worlds.scene.render(64, 48)
     print("drawn")
 except Exception as error:
     print(type(error).__name__, error)
@@ -66,7 +66,7 @@ def reds(picture: NDArray[np.uint8]) -> NDArray[np.bool_]:
 
 def projected(env: StageTaskEnv, point: NDArray[np.float64], size: tuple[int, int], name: str) -> NDArray[np.float64]:
     """(column, row) at which a pinhole camera of 45 degrees sees a point of the world."""
-    camera = find_camera(env.scene.spec, name)
+    camera = find_camera(env.worlds.scene.spec, name)
     right, up, forward = camera.axes()
     offset = point - np.array(camera.eye)
     scale = size[1] / 2 / np.tan(np.radians(22.5)) / (offset @ forward)
@@ -78,12 +78,12 @@ def test_the_box_is_where_a_pinhole_camera_sees_it(backend: str, size: tuple[int
     env = make_env(backend=backend)
     for seed in range(3):
         env.reset(seed=seed)
-        pixels = np.argwhere(reds(env.scene.render(*size)))
+        pixels = np.argwhere(reds(env.worlds.scene.render(*size)))
         assert len(pixels) >= 3
         middle = np.median(pixels[:, ::-1], 0)
-        expected = projected(env, env.facts.object_position, size, "scene")
+        expected = projected(env, env.worlds.facts.object_position, size, "scene")
         assert np.abs(middle - expected).max() < 1.0 + 0.01 * size[0]
-        hand = projected(env, env.facts.eef_position, size, "scene")
+        hand = projected(env, env.worlds.facts.eef_position, size, "scene")
         assert (hand > 0).all()
         assert (hand < np.array(size) - 1).all()
     env.close()
@@ -92,8 +92,8 @@ def test_the_box_is_where_a_pinhole_camera_sees_it(backend: str, size: tuple[int
 def test_a_room_shows_the_target(mobile_env: StageTaskEnv) -> None:
     mobile_env.reset(seed=0)
     size = (320, 240)
-    pixels = np.argwhere(reds(mobile_env.scene.render(*size, "room")))
-    expected = projected(mobile_env, mobile_env.facts.object_position, size, "room")
+    pixels = np.argwhere(reds(mobile_env.worlds.scene.render(*size, "room")))
+    expected = projected(mobile_env, mobile_env.worlds.facts.object_position, size, "room")
     assert np.abs(np.median(pixels[:, ::-1], 0) - expected).max() < 2.0
 
 
@@ -101,7 +101,7 @@ def test_a_camera_that_does_not_exist_is_named(backend: str) -> None:
     env = make_env(backend=backend)
     env.reset(seed=0)
     with pytest.raises(UserError, match=r"unknown camera of backend.*'room'.*Known: scene"):
-        env.scene.render(64, 48, "room")
+        env.worlds.scene.render(64, 48, "room")
     env.close()
 
 
@@ -111,16 +111,16 @@ def test_pictures_of_several_worlds_do_not_mix(backend: str) -> None:
     for seed in (0, 1):
         env = make_env(backend=backend)
         env.reset(seed=seed)
-        alone.append(env.scene.render(64, 48))
+        alone.append(env.worlds.scene.render(64, 48))
         env.close()
     first, second = make_env(backend=backend), make_env(backend=backend)
     first.reset(seed=0)
     second.reset(seed=1)
-    second.scene.render(128, 96)
-    together = [first.scene.render(64, 48), second.scene.render(64, 48)]
+    second.worlds.scene.render(128, 96)
+    together = [first.worlds.scene.render(64, 48), second.worlds.scene.render(64, 48)]
     assert np.array_equal(alone, together)
     first.close()
-    assert np.array_equal(second.scene.render(64, 48), alone[1])
+    assert np.array_equal(second.worlds.scene.render(64, 48), alone[1])
     second.close()
 
 

@@ -15,7 +15,7 @@ from causalbench.core.tasks.pure_manipulation import TASK as PURE_MANIPULATION
 from causalbench.core.world.capabilities import Capability
 from causalbench.errors import BackendLoadError, UnknownNameError, UserError
 from causalbench.plugins.backends import Backend, Variant
-from causalbench.plugins.manager import PluginRow, Plugins, load_plugins, scene_maker
+from causalbench.plugins.manager import PluginRow, Plugins, load_plugins, worlds_maker
 
 Install = Callable[[str, str], Path]
 
@@ -173,7 +173,7 @@ def test_whether_a_task_can_run_is_known_without_a_scene() -> None:
 
 def test_options_that_make_does_not_take_are_named_with_those_that_exist() -> None:
     with pytest.raises(UserError, match=r"options of backend 'arm': .*'speed'; it takes hz=10.0, mobile=False, tall"):
-        scene_maker(ARM, PURE_MANIPULATION, {"speed": 1})
+        worlds_maker(ARM, PURE_MANIPULATION, {"speed": 1})
 
 
 @pytest.mark.parametrize("variants", [(), ARM.variants[1:], (*ARM.variants, Variant("flying", STANDS, {"wings": 2}))])

@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from causalbench.core.staged.env import StageTaskEnv
+from causalbench.core.staged.scene_worlds import SceneWorlds
 from causalbench.core.tasks import pure_manipulation as task
 from causalbench.core.tasks.lift_and_hold import lift_and_hold
 from causalbench.core.world.layout import Box, Layout
@@ -54,13 +55,13 @@ def walk(scene: Scene, seed: int, steps: int) -> NDArray[np.float64]:
 
 @pytest.mark.parametrize("first", range(0, 50, 10))
 def test_the_expert_grasps_without_collision_and_the_grasp_holds(scene: Scene, first: int) -> None:
-    env = StageTaskEnv(task.TASK, scene)
+    env = StageTaskEnv(SceneWorlds(task.TASK, scene))
     for seed in range(first, first + 10):
         env.reset(seed=seed)
         done = success = False
         while not done:
-            _, _, success, truncated, _ = env.step(task.TASK.expert(env.facts, scene.spec))
-            facts = env.facts
+            _, _, success, truncated, _ = env.step(env.worlds.expert())
+            facts = env.worlds.facts
             collided = facts.collision_arm or facts.collision_self or facts.collision_base
             assert not collided, seed
             done = success or truncated
@@ -115,7 +116,7 @@ def test_a_box_lies_on_a_second_fixture(scene: Scene) -> None:
 
 def test_a_snapshot_of_another_spec_is_refused(scene: Scene, simulator: Backend) -> None:
     other = simulator.make(control_hz=20.0)
-    StageTaskEnv(task.TASK, other).reset(seed=3)
+    StageTaskEnv(SceneWorlds(task.TASK, other)).reset(seed=3)
     with pytest.raises(SnapshotError, match="another spec"):
         scene.restore(other.snapshot())
     other.close()

@@ -126,5 +126,5 @@ def toy_task(rewards, n_terms: int) -> Task:
         stage=lambda facts: np.ones(facts.gripper_opening.shape, dtype=np.int64),
         rewards=lambda previous, stage, action, now, next_stage: rewards(previous, action, now),
         success=lambda stage, now: np.zeros(now.gripper_opening.shape, dtype=bool),
-        expert=lambda facts, spec: np.zeros(3),
+        expert=lambda facts, spec, layout=None: np.zeros(3),
     )

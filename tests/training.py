@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from scenes import worlds_of
+
 from causalbench.core.discovery.graph import CausalGraph
 from causalbench.core.learners.checkpoint import Checkpoints
 from causalbench.core.learners.methods import METHODS, Method
@@ -31,8 +33,9 @@ def train(
     checkpoints: Checkpoints | None = None,
 ) -> Trained:
     """Train a method of the table by its learner, on the graph that it asks for."""
-    graph = training_graph(task, method, graph, make_scene, seed)
+    make_worlds = worlds_of(task, make_scene)
+    graph = training_graph(task, method, graph, make_worlds, seed)
     problem = TrainingProblem(
-        task, make_scene, method, graph, settings, evaluation, env_steps, seed, on_evaluation, on_progress, checkpoints
+        task, make_worlds, method, graph, settings, evaluation, env_steps, seed, on_evaluation, on_progress, checkpoints
     )
     return LEARNERS[method.learner].train(problem)

@@ -8,10 +8,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from causalbench.core.tasks.stage_task import StageTask
+from causalbench.core.tasks.task import Task
 from causalbench.errors import UserError
 
 if TYPE_CHECKING:
-    from causalbench.core.tasks.task import Task
     from causalbench.core.world.capabilities import Capability
     from causalbench.core.world.scene import Scene
 
@@ -76,8 +77,10 @@ class Backend:
         fitting = (v for v in self.variants if all(options.get(key) == value for key, value in v.options.items()))
         return max(fitting, key=lambda variant: len(variant.options))
 
-    def refusal(self, task: Task, options: Mapping[str, Any] = NO_OPTIONS) -> str:
+    def refusal(self, task: StageTask, options: Mapping[str, Any] = NO_OPTIONS) -> str:
         """Why scenes made for `task` with further `options` cannot run it, in a sentence; "" if they can."""
+        if not isinstance(task, Task):
+            return f"backend {self.name!r} cannot run task {task.name!r}, which is not played in scenes"
         try:
             variant = self.variant({**task.scene_options, **options})
         except UserError as error:

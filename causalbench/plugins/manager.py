@@ -13,7 +13,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from types import ModuleType
-from typing import Any, Protocol, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar, cast
 
 import pluggy
 
@@ -21,12 +21,15 @@ from causalbench._version import __version__
 from causalbench.core.discovery.registry import Discoverer
 from causalbench.core.learners.methods import Method
 from causalbench.core.learners.registry import Learner
+from causalbench.core.tasks.stage_task import StageTask
 from causalbench.core.tasks.task import Task
-from causalbench.core.world.scene import Scene
 from causalbench.errors import BackendLoadError, UnknownNameError, UserError
 from causalbench.names import check_name
 from causalbench.plugins import hookspecs
 from causalbench.plugins.backends import NO_OPTIONS, Backend
+
+if TYPE_CHECKING:  # what simulates and learns is imported when it is asked for
+    from causalbench.core.staged.worlds import MakeWorlds
 
 GROUP = "causalbench"
 KINDS = ("backends", "tasks", "methods", "learners", "discoverers")
@@ -149,15 +152,18 @@ def _usable(kind: str, name: str, known: Mapping[str, OptionalT]) -> OptionalT:
     return found
 
 
-def scene_maker(backend: Backend, task: Task, options: Mapping[str, Any] = NO_OPTIONS) -> Callable[[], Scene]:
-    """A function that makes a new scene of `backend` for `task`; `options` are further ones of its `make`.
+def worlds_maker(backend: Backend, task: StageTask, options: Mapping[str, Any] = NO_OPTIONS) -> MakeWorlds:
+    """A function that makes new worlds of `task` in `backend`, and that pickles if the backend's `make` does.
 
-    Raises `UserError` where `make` takes no such options, or where its scenes cannot run the task.
+    `options` are those of `make` beside the ones that the task itself asks for. Raises `UserError` where `make` takes
+    no such options, or where the backend cannot run the task.
     """
     backend.maker(options)
-    if refusal := backend.refusal(task, options):
+    if (refusal := backend.refusal(task, options)) or not isinstance(task, Task):
         raise UserError(refusal)
-    return backend.maker({**task.scene_options, **options})
+    from causalbench.core.staged.scene_worlds import make_scene_worlds
+
+    return functools.partial(make_scene_worlds, task, backend.maker({**task.scene_options, **options}))
 
 
 @functools.cache

@@ -13,10 +13,9 @@ from typing import TYPE_CHECKING
 from causalbench.atomic import write_folder, write_text
 from causalbench.core.discovery.graph import CausalGraph, manual_graph
 from causalbench.core.learners.records import Evaluation, TrainingCounts
-from causalbench.core.tasks.task import Task
-from causalbench.core.world.scene import Scene
+from causalbench.core.tasks.stage_task import StageTask
 from causalbench.errors import CausalbenchError, CheckpointError, DivergedError
-from causalbench.plugins.manager import installed, scene_maker
+from causalbench.plugins.manager import installed, worlds_maker
 from causalbench.run.score_graph import judge_graph
 from causalbench.run.tensorboard import Board
 from causalbench.store.cells import CHECKPOINT, DATA, LOG, State, Status
@@ -27,6 +26,7 @@ from causalbench.suite.cells import BackendIdentity, Cell, DiscoveryCell, Learne
 
 if TYPE_CHECKING:
     from causalbench.core.learners.registry import Learner, Trained, TrainingProblem
+    from causalbench.core.staged.worlds import MakeWorlds
 
 
 @dataclass(frozen=True)
@@ -99,9 +99,9 @@ def use_one_thread() -> None:
     torch.set_num_threads(1)
 
 
-def scene_factory(backend: BackendIdentity, task: Task) -> Callable[[], Scene]:
-    """A function that makes a new scene of the backend for `task` with the suite's options."""
-    return scene_maker(installed().backend(backend.name), task, backend.options)
+def make_worlds_of(backend: BackendIdentity, task: StageTask) -> MakeWorlds:
+    """A function that makes new worlds of `task` in the backend, with the suite's options."""
+    return worlds_maker(installed().backend(backend.name), task, backend.options)
 
 
 def _discover(cell: DiscoveryCell, folder: Path, on_progress: OnProgress, cores: int) -> int:
@@ -110,7 +110,7 @@ def _discover(cell: DiscoveryCell, folder: Path, on_progress: OnProgress, cores:
     task = installed().task(cell.task.name)
     graph = discover(
         task,
-        scene_factory(cell.backend, task),
+        make_worlds_of(cell.backend, task),
         cell.settings,
         cell.seed,
         lambda share, text: on_progress(Progress(share, text)),
@@ -120,7 +120,7 @@ def _discover(cell: DiscoveryCell, folder: Path, on_progress: OnProgress, cores:
     )
     if cell.settings.oracle_states:
         graph, _ = judge_graph(
-            graph, task, scene_factory(cell.backend, task), cell.settings.oracle_states, cell.seed, folder,
+            graph, task, make_worlds_of(cell.backend, task), cell.settings.oracle_states, cell.seed, folder,
             lambda share, text: on_progress(Progress(share, text)),
         )  # fmt: skip
     write_graph(folder, graph, manual_graph(task))
@@ -144,7 +144,7 @@ def _learn(cell: LearnerCell, folder: Path, run: RunFolder, on_progress: OnProgr
     with closing(_Watcher(folder, on_progress, keeping.tensorboard)) as watcher:
         problem = TrainingProblem(
             task=task,
-            make_scene=scene_factory(cell.backend, task),
+            make_worlds=make_worlds_of(cell.backend, task),
             method=cell.method,
             graph=_graph(cell, task, run),
             settings=cell.learner,
@@ -172,13 +172,13 @@ def _train(learner: Learner, problem: TrainingProblem) -> Trained:
         return learner.train(problem)
 
 
-def _graph(cell: LearnerCell, task: Task, run: RunFolder) -> CausalGraph | None:
+def _graph(cell: LearnerCell, task: StageTask, run: RunFolder) -> CausalGraph | None:
     from causalbench.core.learners.training_graph import training_graph
 
     found = None
     if cell.discovery is not None:
         found = run.stored(cell.discovery).graph()
-    graph = training_graph(task, cell.method, found, scene_factory(cell.backend, task), cell.seed, cell.action_repeat)
+    graph = training_graph(task, cell.method, found, make_worlds_of(cell.backend, task), cell.seed, cell.action_repeat)
     if graph is not None and graph.origin in ("oracle", "control"):
         write_text(run.folder(cell) / "graph.json", graph.to_json() + "\n")
     return graph

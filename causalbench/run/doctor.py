@@ -16,7 +16,7 @@ from causalbench.plugins.manager import Plugins
 PROBE_SECONDS = 300.0  # a first start may compile for half a minute
 PROBES = {
     "simulates": "env.step(env.action_space.sample() * 0)",
-    "renders": "if 'rgb' in env.scene.spec.capabilities: env.scene.render(64, 48)",
+    "renders": "if 'rgb' in env.worlds.capabilities: env.worlds.render(64, 48)",
 }
 """What is tried on every backend in a process of its own, after a seeded reset."""
 

@@ -16,7 +16,7 @@ from causalbench.core.learners.registry import Policy
 from causalbench.core.learners.settings import observed
 from causalbench.core.staged.env import StageTaskEnv
 from causalbench.errors import UserError
-from causalbench.plugins.manager import installed, scene_maker
+from causalbench.plugins.manager import installed, worlds_maker
 from causalbench.store.cells import StoredCell
 from causalbench.store.claim import own_folder
 from causalbench.store.run_folder import RunFolder
@@ -54,8 +54,8 @@ def _film(cell: StoredCell, path: Path, episodes: int) -> Path:
     identity, title = cell.identity, f"{cell.method} on {cell.backend}, seed {cell.seed}"
     load = installed().learner(identity["method"]["learner"]).load_policy or load_policy
     policy, task = load(cell.policy_folder()), installed().task(cell.task)
-    make_scene = scene_maker(installed().backend(cell.backend), task, identity["backend"]["options"])
-    with closing(StageTaskEnv(task, make_scene(), None, *observed(identity["learner"]).values())) as env:
+    make_worlds = worlds_maker(installed().backend(cell.backend), task, identity["backend"]["options"])
+    with closing(StageTaskEnv(make_worlds(), None, *observed(identity["learner"]).values())) as env:
         look = {"fps": env.metadata["render_fps"], "codec": "libx264", "quality": 8}
         with replacing(path) as temporary, imageio.get_writer(temporary, **look) as writer:
             for episode in range(episodes):
@@ -86,7 +86,7 @@ def film_episode(policy: Policy, env: StageTaskEnv, seed: int, title: str) -> It
 def _captioned(env: StageTaskEnv, text: str) -> Frame:
     from PIL import Image, ImageDraw, ImageFont
 
-    picture = Image.fromarray(env.scene.render(WIDTH, HEIGHT, env.task.camera))
+    picture = Image.fromarray(env.worlds.render(WIDTH, HEIGHT))
     draw = ImageDraw.Draw(picture)
     draw.rectangle((0, 0, WIDTH, CAPTION), fill=(0, 0, 0))
     draw.text((6, 4), text, fill=(255, 255, 255), font=ImageFont.load_default(14))

@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING
 
 from causalbench.atomic import write_text
 from causalbench.core.discovery.graph import CausalGraph
-from causalbench.core.tasks.task import Task
-from causalbench.core.world.scene import Scene
+from causalbench.core.tasks.stage_task import StageTask
 
 if TYPE_CHECKING:
     from causalbench.core.discovery.truth.oracle import StageTruth
+    from causalbench.core.staged.worlds import MakeWorlds
 
 
 def judge_graph(
     graph: CausalGraph,
-    task: Task,
-    make_scene: Callable[[], Scene],
+    task: StageTask,
+    make_worlds: MakeWorlds,
     states: int,
     seed: int,
     folder: Path,
@@ -33,7 +33,7 @@ def judge_graph(
     from causalbench.core.discovery.truth.score import with_score
 
     action_repeat = graph.provenance["settings"]["action_repeat"]
-    truth = consult_oracle(task, make_scene, states, seed, on_progress, action_repeat)
+    truth = consult_oracle(task, make_worlds, states, seed, on_progress, action_repeat)
     for name, table in (("oracle.csv", oracle_table(graph, truth)), ("score.csv", score_table(graph, truth))):
         write_text(folder / name, table.to_csv(index=False, lineterminator="\n"))
     return with_score(graph, truth), truth

@@ -25,9 +25,10 @@ import numpy as np
 
 from causalbench import formats
 from causalbench.atomic import write_bytes
-from causalbench.core.discovery.samples.streams import About, Origin
+from causalbench.core.discovery.samples.streams import About
 from causalbench.core.discovery.samples.transitions import Samples
-from causalbench.core.tasks.task import Task
+from causalbench.core.staged.worlds import Origin
+from causalbench.core.tasks.stage_task import StageTask
 from causalbench.errors import DamagedFileError
 from causalbench.store.files import check_file
 
@@ -66,12 +67,12 @@ class SampleFolder:
         seen = {"sensor": kept["sensor"], "frames": (frames,)} if frames is not None else {}
         return Samples(**content, env_steps=kept["env_steps"], refused=kept["refused"], **seen)
 
-    def save(self, about: About, samples: Samples, task: Task) -> None:
+    def save(self, about: About, samples: Samples, task: StageTask) -> None:
         """See `SampleStore`."""
         self.path.mkdir(parents=True, exist_ok=True)
         n_placebos = samples.actions.shape[1] - len(task.actions)
         arrays = {name: getattr(samples, name) for name in ARRAYS} | {
-            "state_names": np.array([*task.state_names, "gripper_opening"]),
+            "state_names": np.array(task.input_names),
             "action_names": np.array([*task.actions, *(f"placebo{p}" for p in range(n_placebos))]),
             "reward_names": np.array(task.stage_terms(about["stage"], discoverable_only=True)),
             "about": np.array(

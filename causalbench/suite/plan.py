@@ -11,7 +11,7 @@ from typing import Any
 
 from causalbench._version import __version__
 from causalbench.core.learners.methods import Method
-from causalbench.core.tasks.task import Task
+from causalbench.core.tasks.stage_task import StageTask
 from causalbench.errors import SuiteError, UnknownNameError, UserError
 from causalbench.plugins.backends import Backend
 from causalbench.plugins.manager import Plugins
@@ -69,7 +69,7 @@ class _Planner:
         self.file, self.suite, self.plugins = file, file.suite, plugins
         self.tier_name = tier_name
         self.tier = next(tier for name, tier in file.suite.tiers.items() if name == tier_name)
-        self.task: Task = self._named(("task",), partial(plugins.task, file.suite.task))
+        self.task: StageTask = self._named(("task",), partial(plugins.task, file.suite.task))
         self.task_identity = TaskIdentity(self.task.name, self.task.version, dict(self.task.constants))
 
     def check_number(self, of_each_combination: int) -> None:

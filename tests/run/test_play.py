@@ -12,6 +12,7 @@ from causalbench.core.kinematic import make
 from causalbench.core.learners.evaluation import FIRST_SEED
 from causalbench.core.learners.policy import load_policy
 from causalbench.core.staged.env import StageTaskEnv
+from causalbench.core.staged.scene_worlds import SceneWorlds
 from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench.errors import UserError
 from causalbench.run.play import STILL, film_episode, play
@@ -29,7 +30,7 @@ def test_a_policy_is_filmed_as_long_as_its_episode_lasts(run: RunFolder) -> None
     (folder,) = run.path.glob("cells/*-cmSAC-*")
     assert path == run.path / "videos" / f"{folder.name}.mp4"
     assert list(path.parent.iterdir()) == [path]
-    policy, env = load_policy(folder / "policy"), StageTaskEnv(TASK, make())
+    policy, env = load_policy(folder / "policy"), StageTaskEnv(SceneWorlds(TASK, make()))
     obs, _ = env.reset(seed=FIRST_SEED, options={"stage": 1})
     steps, over = 0, False
     while not over:
@@ -51,11 +52,11 @@ class Expert:
         self.env = env
 
     def predict(self, obs):
-        return self.env.task.expert(self.env.facts, self.env.scene.spec), None
+        return self.env.worlds.expert(), None
 
 
 def test_every_frame_is_the_scene_with_its_stage_written_above(monkeypatch: pytest.MonkeyPatch) -> None:
-    env, texts = StageTaskEnv(TASK, make()), []
+    env, texts = StageTaskEnv(SceneWorlds(TASK, make())), []
     from causalbench.run import play as module
 
     real = module._captioned
@@ -65,7 +66,7 @@ def test_every_frame_is_the_scene_with_its_stage_written_above(monkeypatch: pyte
     assert texts[-1].endswith("stage 4 of 4, SUCCESS")
     assert len(frames) == len(texts) + 10
     below = frames[len(texts) - 1][module.CAPTION + 1 :]
-    assert np.array_equal(below, env.scene.render(640, 480)[module.CAPTION + 1 :])
+    assert np.array_equal(below, env.worlds.scene.render(640, 480)[module.CAPTION + 1 :])
     assert frames[0][: module.CAPTION].max() == 255
 
 

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from causalbench.conformance.bench import Bench, expect
 from causalbench.conformance.checks.repeat import check_restored
-from causalbench.conformance.moves import ANGLE_ERROR, POSITION_ERROR, accepts, act, contacts, start, steps, vector
+from causalbench.conformance.moves import ANGLE_ERROR, POSITION_ERROR, accepts, act, contacts, start, steps
 from causalbench.core.numerics import rotations
+from causalbench.core.staged.scene_worlds import SceneWorlds
 from causalbench.core.tasks import rooms
 from causalbench.core.tasks.mobile_manipulation import TASK
 from causalbench.core.world import lidar
@@ -229,20 +230,19 @@ def s46_snapshot_drive(bench: Bench) -> None:
 
 def s47_mobile_expert(bench: Bench) -> None:
     """S47. The scripted expert brings the hand to the target from 5 starts of stage 1 and collides with nothing."""
-    scene = bench.scene
-    columns = [scene.spec.actions.index(name) for name in TASK.actions]
+    worlds = SceneWorlds(TASK, bench.scene)
     for seed in range(5):
-        layout, action = _start(scene, seed), vector(scene)
-        facts, where = scene.facts(), f"not there after {TASK.horizon} steps"
-        for _ in range(TASK.horizon):
-            before = TASK.stage(facts)
-            action[columns] = TASK.expert(facts, scene.spec, layout)
-            scene.step(action)
-            facts = scene.facts()
-            if TASK.success(before, facts):
-                where = ""
-                break
-            if contacts(facts):
-                where = f"{', '.join(name for name in FLAGS if getattr(facts, name))} in stage {int(before)}"
-                break
-        expect(not where, f"the scripted expert (seed {seed}): {where}; the base is at {facts.base_pose}")
+        worlds.reset([0], [np.random.default_rng(seed)], 1)
+        where = _drive_to_target(worlds)
+        expect(not where, f"the scripted expert (seed {seed}): {where}; the base is at {worlds.facts.base_pose}")
+
+
+def _drive_to_target(worlds: SceneWorlds) -> str:
+    """Let the scripted expert act; "" for success, else what went wrong."""
+    for _ in range(TASK.horizon):
+        step = worlds.step(worlds.expert())
+        if step.success:
+            return ""
+        if touched := [name for name in FLAGS if getattr(worlds.facts, name)]:
+            return f"{', '.join(touched)} in stage {step.stage}"
+    return f"not there after {TASK.horizon} steps"

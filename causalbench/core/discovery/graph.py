@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from causalbench import formats
-from causalbench.core.tasks.task import Task
+from causalbench.core.tasks.stage_task import StageTask
 from causalbench.errors import InvalidGraphError
 
 
@@ -58,7 +58,7 @@ class StageGraph:
     @classmethod
     def decided(
         cls,
-        task: Task,
+        task: StageTask,
         stage: int,
         present: NDArray[np.bool_],
         testable: NDArray[np.bool_],
@@ -74,7 +74,7 @@ class StageGraph:
         """Actions with a cause in some column, in order (paper, eq. CausalActions)."""
         return tuple(a for a, row in zip(self.actions, self.matrix, strict=True) if row.any())
 
-    def problem(self, task: Task) -> str:
+    def problem(self, task: StageTask) -> str:
         """Why no policy of `task` can be built on the stage's graph; "" if one can."""
         if self.actions != task.actions or self.terms != task.stage_terms(self.stage, discoverable_only=True):
             return "actions or terms differ from the task's"
@@ -153,7 +153,7 @@ class CausalGraph:
             )
         return graph
 
-    def check(self, task: Task) -> None:
+    def check(self, task: StageTask) -> None:
         """Raise `InvalidGraphError` unless the graph fits `task`: names, order and no stage without a causal action.
 
         Nor may a discovered graph be the declared one throughout, because no stage could be decided.
@@ -174,7 +174,7 @@ class CausalGraph:
                 raise InvalidGraphError(f"causal graph {self.hash}, stage {graph.stage}: {problem}")
 
 
-def manual_graph(task: Task) -> CausalGraph:
+def manual_graph(task: StageTask) -> CausalGraph:
     """The human's graph, declared by the task."""
     return CausalGraph(
         task.name,
@@ -188,10 +188,10 @@ def manual_graph(task: Task) -> CausalGraph:
     )
 
 
-def declared_matrix(task: Task, stage: int, terms: tuple[str, ...]) -> NDArray[np.bool_]:
-    """(n_actions, n_terms) matrix of the human's graph for one stage."""
-    row = task.manual_graph[stage]
-    return np.array([[action in row[term] for term in terms] for action in task.actions])
+def declared_matrix(task: StageTask, stage: int, terms: tuple[str, ...]) -> NDArray[np.bool_]:
+    """(n_actions, n_terms) matrix of the human's graph for one stage, False where it says nothing."""
+    row = task.manual_graph.get(stage, {})
+    return np.array([[action in row.get(term, ()) for term in terms] for action in task.actions])
 
 
 def _stage_graph(data: dict[str, Any]) -> StageGraph:

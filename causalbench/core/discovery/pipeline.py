@@ -5,27 +5,25 @@ from __future__ import annotations
 import hashlib
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from importlib.metadata import version
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from causalbench._version import __version__
 from causalbench.core.discovery.discoverers import DISCOVERERS
 from causalbench.core.discovery.graph import CausalGraph, StageGraph, declared_matrix
 from causalbench.core.discovery.registry import Discoverer
 from causalbench.core.discovery.samples.collection import Collection
-from causalbench.core.discovery.samples.streams import Origin, Recipe, SampleStore, Stream
+from causalbench.core.discovery.samples.streams import Recipe, SampleStore, Stream
 from causalbench.core.discovery.samples.transitions import Samples, StageSamples
 from causalbench.core.discovery.settings import DiscoverySettings
 from causalbench.core.discovery.truth.counterfactual import Walk
-from causalbench.core.tasks.task import Task
-from causalbench.core.world.facts import Facts
-from causalbench.core.world.layout import Layout
-from causalbench.core.world.scene import Array, Scene
+from causalbench.core.staged.worlds import MakeWorlds, Origin, Worlds
+from causalbench.core.tasks.stage_task import StageTask
 from causalbench.errors import DiscovererError, LayoutDrawError, UndecidedStageError, UnknownNameError, UserError
 
 Progress = Callable[[float, str], None]
@@ -35,8 +33,8 @@ COLLECT_SHARE = 0.7
 
 
 def discover(
-    task: Task,
-    make_scene: Callable[[], Scene],
+    task: StageTask,
+    make_worlds: MakeWorlds,
     settings: DiscoverySettings,
     seed: int,
     on_progress: Progress,
@@ -51,16 +49,13 @@ def discover(
     samples that `store` already had included. `cores` processes collect; the result does not depend on their number.
     Raises `UnknownNameError` for a discoverer that is not among `discoverers`.
     """
-    scene = CountingScene(make_scene())
-    try:
-        recipe = Recipe(task, settings, seed, Origin.of(scene.spec), make_scene, store)
-        return _discover(recipe, scene, on_progress, discoverers, cores)
-    finally:
-        scene.close()
+    with closing(make_worlds()) as world:
+        recipe = Recipe(task, settings, seed, world.origin, make_worlds, store)
+        return _discover(recipe, world, on_progress, discoverers, cores)
 
 
 def discover_from_samples(
-    task: Task,
+    task: StageTask,
     store: SampleStore,
     origin: Origin,
     settings: DiscoverySettings,
@@ -73,46 +68,6 @@ def discover_from_samples(
     return _discover(Recipe(task, settings, seed, origin, None, store), None, on_progress, discoverers, 1)
 
 
-class CountingScene(Scene):
-    """A scene that counts its control steps."""
-
-    def __init__(self, scene: Scene) -> None:
-        self.scene, self.spec, self.steps = scene, scene.spec, 0
-
-    def reset(self, layout: Layout) -> None:
-        """See `Scene`."""
-        self.scene.reset(layout)
-
-    def step(self, action: Array) -> None:
-        """See `Scene`; counts."""
-        self.steps += 1
-        self.scene.step(action)
-
-    def facts(self) -> Facts:
-        """See `Scene`."""
-        return self.scene.facts()
-
-    def snapshot(self) -> bytes:
-        """See `Scene`."""
-        return self.scene.snapshot()
-
-    def restore(self, snapshot: bytes) -> None:
-        """See `Scene`."""
-        self.scene.restore(snapshot)
-
-    def render(self, width: int, height: int, camera: str = "scene") -> NDArray[np.uint8]:
-        """See `Scene`."""
-        return self.scene.render(width, height, camera)
-
-    def lidar(self) -> Array:
-        """See `Scene`."""
-        return self.scene.lidar()
-
-    def close(self) -> None:
-        """See `Scene`."""
-        self.scene.close()
-
-
 @dataclass
 class _Problem:
     """What a discoverer sees of one stage: a `StageProblem`."""
@@ -120,13 +75,13 @@ class _Problem:
     recipe: Recipe
     stage: int
     collection: Collection
-    counted: CountingScene | None
+    own_world: Worlds | None
     report: Progress
     collected: StageSamples | None = None
     kept: tuple[Samples, ...] = ()
 
     @property
-    def task(self) -> Task:
+    def task(self) -> StageTask:
         return self.recipe.task
 
     @property
@@ -150,17 +105,17 @@ class _Problem:
             self.collected = self.collection.stage(self.stage)
         return self.collected
 
-    def scene(self) -> Scene:
-        if self.counted is None:
+    def world(self) -> Worlds:
+        if self.own_world is None:
             raise UserError(
                 f"discoverer {self.settings.discoverer!r} asks the simulator, so it cannot work on files; "
                 "run it without --data"
             )
-        return self.counted
+        return self.own_world
 
     def walk(self, rng: np.random.Generator) -> Walk:
         settings = self.settings
-        return Walk(self.task, self.scene(), self.stage, rng, settings.sequence_length, settings.action_repeat)
+        return Walk(self.world(), self.stage, rng, settings.sequence_length, settings.action_repeat)
 
     def keep(self, name: str, samples: Samples) -> None:
         self.kept += (samples,)
@@ -171,7 +126,7 @@ class _Problem:
 
 def _discover(
     recipe: Recipe,
-    scene: CountingScene | None,
+    world: Worlds | None,
     on_progress: Progress,
     discoverers: Mapping[str, Discoverer],
     cores: int,
@@ -183,7 +138,7 @@ def _discover(
     board = _Board(recipe.task.n_stages, on_progress)
     collection = Collection(recipe, cores, board.on_collected)
     try:
-        stages, digests = _decide_all(discoverer, recipe, collection, scene, board)
+        stages, digests = _decide_all(discoverer, recipe, collection, world, board)
     finally:
         collection.close()
     return CausalGraph(
@@ -192,18 +147,18 @@ def _discover(
         origin="discovered",
         stages=stages,
         columns=discoverer.evidence,
-        env_steps=sum(collection.env_steps.values()) + (scene.steps if scene else 0),
+        env_steps=sum(collection.env_steps.values()) + (world.env_steps if world else 0),
         provenance=_provenance(recipe, digests),
     )
 
 
 def _decide_all(
-    discoverer: Discoverer, recipe: Recipe, collection: Collection, scene: CountingScene | None, board: _Board
+    discoverer: Discoverer, recipe: Recipe, collection: Collection, world: Worlds | None, board: _Board
 ) -> tuple[tuple[StageGraph, ...], list[str]]:
     """The graphs of all stages, and the digests of all samples that they are from."""
     graphs, digests = list[StageGraph](), list[str]()
     for stage in range(1, recipe.task.n_stages + 1):
-        problem = _Problem(recipe, stage, collection, scene, partial(board.on_report, stage))
+        problem = _Problem(recipe, stage, collection, world, partial(board.on_report, stage))
         graphs.append(_decide(discoverer, problem))
         board.on_report(stage, 1.0, "decided")
         digests += [samples.digest() for samples in (*problem.kept, problem.collected) if samples]

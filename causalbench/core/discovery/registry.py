@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 from causalbench.core.discovery.edges import RESERVED
 from causalbench.core.discovery.graph import EvidenceColumn, StageGraph
 from causalbench.core.discovery.settings import PRESETS, SHARED, DiscoverySettings, NoSettings
-from causalbench.core.tasks.task import Task
+from causalbench.core.tasks.stage_task import StageTask
 from causalbench.errors import DiscovererError, UnknownNameError, UserError
 
 if TYPE_CHECKING:  # importing Gymnasium loads this module, which thus must not need Gymnasium
     from causalbench.core.discovery.samples.transitions import Samples, StageSamples
     from causalbench.core.discovery.truth.counterfactual import Walk
-    from causalbench.core.world.scene import Scene
+    from causalbench.core.staged.worlds import Worlds
 
 
 SampleSet = Literal["random", "inference", "do"]
@@ -37,7 +37,7 @@ class StageProblem(Protocol):
     """
 
     @property
-    def task(self) -> Task:
+    def task(self) -> StageTask:
         """The task."""
 
     @property
@@ -66,18 +66,21 @@ class StageProblem(Protocol):
     def terms(self) -> tuple[str, ...]:
         """Names of the stage's reward terms that are to be explained: the columns of its graph."""
 
-    def scene(self) -> Scene:
-        """A simulator for queries of your own; every step of it counts. Raises `UserError` if there are only files."""
+    def world(self) -> Worlds:
+        """One world of the task for queries of your own, of shape (); every step of it counts.
+
+        Raises `UserError` if there are only files.
+        """
 
     def walk(self, rng: np.random.Generator) -> Walk:
-        """A random walk through the stage in `scene`, from each state of which any action can be tried.
+        """A random walk through the stage in `world`, from each state of which any action can be tried.
 
         Its sequences are as long as those of the samples, and actions are held as long. Raises `UserError` if there are
-        only files.
+        only files or the world cannot be restored.
         """
 
     def keep(self, name: str, samples: Samples) -> None:
-        """Store samples that were taken from `scene` beside the others, and let them enter the graph's data hash."""
+        """Store samples that were taken from `world` beside the others, and let them enter the graph's data hash."""
 
     def report(self, share: float, doing: str) -> None:
         """How far this stage is, in [0, 1], beyond collecting `samples`."""

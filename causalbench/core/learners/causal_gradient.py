@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from causalbench.core.discovery.graph import CausalGraph
 from causalbench.core.learners.methods import Method
 from causalbench.core.learners.settings import CriticLayout
-from causalbench.core.tasks.task import Task
+from causalbench.core.tasks.stage_task import StageTask
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class StagePlan:
     joint_twin: bool
 
 
-def training_matrix(task: Task, graph: CausalGraph, stage: int) -> NDArray[np.bool_]:
+def training_matrix(task: StageTask, graph: CausalGraph, stage: int) -> NDArray[np.bool_]:
     """(n_actions, n_terms) over all the task's terms: the graph's columns; ones for terms outside discovery."""
     full = np.zeros((len(task.actions), len(task.terms)), dtype=bool)
     found = graph.stages[stage - 1]
@@ -47,7 +47,7 @@ def training_matrix(task: Task, graph: CausalGraph, stage: int) -> NDArray[np.bo
 
 
 def stage_plan(
-    task: Task,
+    task: StageTask,
     method: Method,
     graph: CausalGraph | None,
     stage: int,

@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 
 from causalbench.core.discovery.graph import CausalGraph, StageGraph
 from causalbench.core.staged.restricted_expert import STARTS, solved_starts
-from causalbench.core.tasks.task import Task
-from causalbench.core.world.batch import BatchScene
+from causalbench.core.staged.worlds import Worlds
 from causalbench.errors import InvalidGraphError
 
 Matrix = NDArray[np.bool_]  # (n_actions, n_terms)
@@ -82,7 +81,7 @@ CONTROLS: Mapping[str, Callable[[Matrix, np.random.Generator], Iterator[Matrix]]
 """Name -> function of a stage's matrix that yields candidates, the first solvable one of which is taken."""
 
 
-def control_graph(name: str, graph: CausalGraph, task: Task, batch: BatchScene, seed: int) -> CausalGraph:
+def control_graph(name: str, graph: CausalGraph, worlds: Worlds, seed: int) -> CausalGraph:
     """The control `name` of `graph`, deterministic in `seed`.
 
     A stage that has no such control (one action has no rows to shuffle, and only `grip` can grasp) keeps its matrix;
@@ -95,7 +94,7 @@ def control_graph(name: str, graph: CausalGraph, task: Task, batch: BatchScene, 
     @cache
     def solvable(stage: int, actions: tuple[str, ...]) -> bool:
         sets = allowed | {stage: actions}
-        return all(solved_starts(task, batch, stage, sets, starts).all() for starts in (FIRST_LOOK, STARTS))
+        return all(solved_starts(worlds, stage, sets, starts).all() for starts in (FIRST_LOOK, STARTS))
 
     for own in graph.stages:
         rng = np.random.default_rng([seed, own.stage])

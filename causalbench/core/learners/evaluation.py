@@ -62,6 +62,5 @@ def _episode(policy: Policy, env: StageTaskEnv, seed: int, deterministic: bool) 
         over = terminated or truncated
     success = bool(info["is_success"])
     final_stage = env.task.n_stages + 1 if success else int(info["next_stage"])
-    test = env.task.after_success
-    held = test(env.scene) if success and test else None
+    held = env.worlds.after_success(0) if success else None
     return _Outcome(success, held, reversals, final_stage, length, returns)

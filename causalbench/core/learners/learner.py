@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from causalbench.core.learners.policy import StagedPolicy
 from causalbench.core.networks.state import State
-from causalbench.core.staged.env import Observation
+from causalbench.core.staged.observation import Observation
 from causalbench.errors import DivergedError
 
 

@@ -27,8 +27,8 @@ if TYPE_CHECKING:  # importing the built-in plugins loads this table, which thus
     from causalbench.core.learners.checkpoint import Checkpoints
     from causalbench.core.staged.env import StageTaskEnv
     from causalbench.core.staged.vector_env import StageTaskVectorEnv
-    from causalbench.core.tasks.task import Task
-    from causalbench.core.world.scene import Scene
+    from causalbench.core.staged.worlds import MakeWorlds
+    from causalbench.core.tasks.stage_task import StageTask
 
 OnEvaluation = Callable[[Evaluation, TrainingCounts], None]
 OnProgress = Callable[[float, str], None]
@@ -68,8 +68,8 @@ class TrainingProblem:
     goes on from; None where nothing is to be kept.
     """
 
-    task: Task
-    make_scene: Callable[[], Scene]
+    task: StageTask
+    make_worlds: MakeWorlds
     method: Method
     graph: CausalGraph | None
     settings: Any
@@ -84,14 +84,13 @@ class TrainingProblem:
         """One new environment of the task; it observes what the settings say in `observe_gripper` and `observation`."""
         from causalbench.core.staged.env import StageTaskEnv
 
-        return StageTaskEnv(self.task, self.make_scene(), None, *self._observed())
+        return StageTaskEnv(self.make_worlds(), None, *self._observed())
 
     def vector_env(self, n: int) -> StageTaskVectorEnv:
         """`n` new worlds of the task that step together; they observe as those of `env`."""
         from causalbench.core.staged.vector_env import StageTaskVectorEnv
-        from causalbench.core.world.batch import make_batch
 
-        return StageTaskVectorEnv(self.task, make_batch(self.make_scene, n), *self._observed())
+        return StageTaskVectorEnv(self.make_worlds(n), *self._observed())
 
     def _observed(self) -> tuple[Any, ...]:
         return tuple(observed(asdict(self.settings)).values())

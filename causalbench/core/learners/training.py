@@ -23,13 +23,13 @@ from causalbench.core.learners.records import Evaluation
 from causalbench.core.learners.registry import Trained, TrainingProblem
 from causalbench.core.networks.state import State, below, prefixed
 from causalbench.core.staged.vector_env import StageTaskVectorEnv
-from causalbench.core.tasks.task import Task
+from causalbench.core.tasks.stage_task import StageTask
 from causalbench.core.world.capabilities import Capability
 from causalbench.errors import DivergedError
 
 LOG = logging.getLogger(__name__)
 
-MakeStagedLearner = Callable[[Task, Method, CausalGraph | None, ObservationScale, Any, int], StagedLearner]
+MakeStagedLearner = Callable[[StageTask, Method, CausalGraph | None, ObservationScale, Any, int], StagedLearner]
 """(task, method, graph, scale of the observations, settings, seed) to a learner."""
 
 
@@ -130,10 +130,10 @@ class _StagedLoop:
 
     def _identity(self) -> dict[str, Any]:
         """What two runs must share for one to continue the other, bit for bit, as JSON data."""
-        problem, task, spec = self.problem, self.problem.task, self.env.batch.spec
+        problem, task = self.problem, self.problem.task
         return {
             "task": {"name": task.name, "version": task.version, "constants": dict(task.constants)},
-            "backend": dataclasses.asdict(spec) | {"capabilities": sorted(spec.capabilities)},
+            "worlds": dict(self.env.worlds.identity),
             "method": dataclasses.asdict(problem.method),
             "graph": problem.graph.hash if problem.graph else None,
             "settings": dataclasses.asdict(problem.settings),
@@ -146,7 +146,7 @@ class _StagedLoop:
 
 def _usable(checkpoints: Checkpoints | None, env: StageTaskVectorEnv) -> Checkpoints | None:
     """None where the backend cannot go on with the same bits."""
-    if checkpoints and Capability.EXACT_RESTORE not in env.batch.spec.capabilities:
-        LOG.info("backend %s does not restore exactly: no checkpoints are kept", env.batch.spec.backend)
+    if checkpoints and Capability.EXACT_RESTORE not in env.worlds.capabilities:
+        LOG.info("backend %s does not restore exactly: no checkpoints are kept", env.worlds.origin.backend)
         return None
     return checkpoints

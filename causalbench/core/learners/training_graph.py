@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from contextlib import closing
 
 from causalbench.core.discovery.graph import CausalGraph, manual_graph
 from causalbench.core.discovery.truth.oracle import ORACLE_STATES, consult_oracle, oracle_graph
 from causalbench.core.learners.controls import control_graph
 from causalbench.core.learners.methods import Method
-from causalbench.core.tasks.task import Task
-from causalbench.core.world.batch import make_batch
-from causalbench.core.world.scene import Scene
+from causalbench.core.staged.worlds import MakeWorlds
+from causalbench.core.tasks.stage_task import StageTask
 from causalbench.errors import InvalidGraphError
 
 
 def training_graph(
-    task: Task,
+    task: StageTask,
     method: Method,
     graph: CausalGraph | None,
-    make_scene: Callable[[], Scene],
+    make_worlds: MakeWorlds,
     seed: int,
     action_repeat: int = 1,
 ) -> CausalGraph | None:
@@ -30,31 +29,28 @@ def training_graph(
     if method.matrix == "none":
         return None
     if graph is None or graph.origin in ("discovered", "manual"):
-        graph = _found(task, method, graph, make_scene, seed, action_repeat)
+        graph = _found(task, method, graph, make_worlds, seed, action_repeat)
     graph.check(task)
     return graph
 
 
 def _found(
-    task: Task,
+    task: StageTask,
     method: Method,
     graph: CausalGraph | None,
-    make_scene: Callable[[], Scene],
+    make_worlds: MakeWorlds,
     seed: int,
     action_repeat: int,
 ) -> CausalGraph:
     if method.matrix == "manual":
         return manual_graph(task)
     if method.matrix == "oracle":
-        truth = consult_oracle(task, make_scene, ORACLE_STATES, seed, lambda share, text: None, action_repeat)
+        truth = consult_oracle(task, make_worlds, ORACLE_STATES, seed, lambda share, text: None, action_repeat)
         return oracle_graph(task, truth, seed)
     if graph is None:
         raise InvalidGraphError(f"method {method.name!r} needs a discovered causal graph of {task.name}, got none")
     graph.check(task)
     if method.control == "none":
         return graph
-    batch = make_batch(make_scene, 1)
-    try:
-        return control_graph(method.control, graph, task, batch, seed)
-    finally:
-        batch.close()
+    with closing(make_worlds(1)) as worlds:
+        return control_graph(method.control, graph, worlds, seed)

@@ -8,10 +8,11 @@ import sys
 import numpy as np
 import pandas as pd
 import pytest
+from scenes import discover
 from toy import make_toy, toy_task
 
 from causalbench.core.discovery.methods.kl.settings import KLSettings
-from causalbench.core.discovery.pipeline import discover, discover_from_samples
+from causalbench.core.discovery.pipeline import discover_from_samples
 from causalbench.core.discovery.settings import DiscoverySettings
 from causalbench.core.kinematic import make
 from causalbench.core.tasks.pure_manipulation import TASK

@@ -6,6 +6,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from scenes import counting, discover
 from toy import make_noisy_toy, make_toy, toy_task
 from truth import TRUTH
 
@@ -13,10 +14,11 @@ from causalbench.core.discovery.discoverers import DISCOVERERS
 from causalbench.core.discovery.methods.independence import independent_columns
 from causalbench.core.discovery.methods.paired import PairedSettings
 from causalbench.core.discovery.methods.permutation import sign_flip_p_values
-from causalbench.core.discovery.pipeline import CountingScene, discover, discover_from_samples
+from causalbench.core.discovery.pipeline import discover_from_samples
 from causalbench.core.discovery.settings import DiscoverySettings
 from causalbench.core.discovery.truth.counterfactual import Walk
 from causalbench.core.kinematic import make
+from causalbench.core.staged.scene_worlds import SceneWorlds
 from causalbench.core.tasks.mobile_manipulation import TASK as MOBILE
 from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench.errors import UnknownNameError
@@ -104,15 +106,11 @@ def test_pairs_are_taken_where_the_environment_scans(name):
 @pytest.mark.parametrize(("action_repeat", "found"), [(1, ("forward",)), (5, ("forward", "turn"))])
 def test_a_turn_brings_a_base_nearer_only_if_it_is_held_while_it_drives(action_repeat, found):
     settings = DISCOVERERS["paired"].configure("quick", {"action_repeat": action_repeat}, {"max_actions": 900})
-    scenes = []
+    make_counting, counts = counting(partial(make, mobile=True))
 
-    def counting():
-        scenes.append(CountingScene(make(mobile=True)))
-        return scenes[-1]
-
-    graph = discover(MOBILE, counting, settings, 0, _quiet)
+    graph = discover(MOBILE, make_counting, settings, 0, _quiet)
     assert graph.stages[0].causal_actions() == found
-    assert graph.env_steps == sum(scene.steps for scene in scenes) <= MOBILE.n_stages * 900 * action_repeat
+    assert graph.env_steps == sum(counts) <= MOBILE.n_stages * 900 * action_repeat
 
 
 @pytest.mark.parametrize("name", PAIRED)
@@ -136,13 +134,9 @@ def test_an_interaction_is_found_from_pairs_and_missed_by_linear_correlation():
 @pytest.mark.parametrize("seed", [0, 1])
 def test_paired_finds_the_closed_form_truth_within_its_budget(seed):
     settings = DiscoverySettings(discoverer="paired")
-    scenes = []
+    make_counting, counts = counting(make)
 
-    def counting():
-        scenes.append(CountingScene(make()))
-        return scenes[-1]
-
-    graph = discover(TASK, counting, settings, seed, _quiet)
+    graph = discover(TASK, make_counting, settings, seed, _quiet)
     found = {
         g.stage: {
             t: {a for a, chosen in zip(g.actions, g.matrix[:, j], strict=True) if chosen} for j, t in enumerate(g.terms)
@@ -150,7 +144,7 @@ def test_paired_finds_the_closed_form_truth_within_its_budget(seed):
         for g in graph.stages
     }
     assert found == TRUTH
-    assert graph.env_steps == sum(scene.steps for scene in scenes) <= 4 * PairedSettings().max_actions
+    assert graph.env_steps == sum(counts) <= 4 * PairedSettings().max_actions
 
 
 def test_paired_says_what_it_could_not_decide():
@@ -163,7 +157,7 @@ def test_paired_says_what_it_could_not_decide():
 def test_a_walk_goes_on_from_the_step_that_was_taken_whatever_else_was_tried():
     def walk(tries):
         scene = make_toy()
-        steps = Walk(toy_task(_planted, 2), scene, 1, np.random.default_rng(7), 5)
+        steps = Walk(SceneWorlds(toy_task(_planted, 2), scene), 1, np.random.default_rng(7), 5)
         hands = []
         for _ in range(12):
             action = steps.visit()

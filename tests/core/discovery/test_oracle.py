@@ -5,6 +5,7 @@ import itertools
 
 import numpy as np
 import pytest
+from scenes import worlds_of
 from truth import TRUTH
 
 from causalbench.core.discovery.graph import CausalGraph, manual_graph
@@ -17,7 +18,7 @@ from causalbench.core.tasks.pure_manipulation import TASK
 
 @pytest.fixture(scope="module")
 def truth():
-    return consult_oracle(TASK, make, 400, 0, lambda share, text: None)
+    return consult_oracle(TASK, worlds_of(TASK, make), 400, 0, lambda share, text: None)
 
 
 def test_oracle_finds_the_closed_form_truth_on_kinematic(truth):
@@ -43,13 +44,15 @@ def test_the_interval_holds_the_effect(truth):
 
 def test_effect_of_a_linear_reward_is_known():
     """r_eefy in stage 1 is 10 times the way along world y wherever the hand stays on its side: Var = E[d^2], T = 1."""
-    stage = consult_oracle(TASK, make, 400, 1, lambda share, text: None)[0]
+    stage = consult_oracle(TASK, worlds_of(TASK, make), 400, 1, lambda share, text: None)[0]
     effect = stage.effect[stage.actions.index("armx"), stage.terms.index("r_eefy")]
     assert effect == pytest.approx(1.0, abs=0.1)
 
 
 def test_the_oracle_is_a_function_of_its_seed():
-    one, again, other = (consult_oracle(TASK, make, 30, seed, lambda share, text: None) for seed in (0, 0, 1))
+    one, again, other = (
+        consult_oracle(TASK, worlds_of(TASK, make), 30, seed, lambda share, text: None) for seed in (0, 0, 1)
+    )
     for a, b in zip(one, again, strict=True):
         np.testing.assert_array_equal(a.effect, b.effect)
         np.testing.assert_array_equal(a.low, b.low)
@@ -124,7 +127,7 @@ class Sloppy(KinematicScene):
 
 
 def test_where_restoring_is_not_exact_the_graph_says_how_large_the_error_floor_is():
-    truth = consult_oracle(TASK, Sloppy, 40, 0, lambda share, text: None)
+    truth = consult_oracle(TASK, worlds_of(TASK, Sloppy), 40, 0, lambda share, text: None)
     graph = with_score(manual_graph(TASK), truth)
     assert graph.oracle["exact_restore"] is False
     assert graph.oracle["env_steps"] == 4 * 40 * 9

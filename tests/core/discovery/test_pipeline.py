@@ -6,6 +6,7 @@ import json
 import numpy as np
 import pytest
 import torch
+from scenes import discover
 from toy import make_toy, toy_task
 from truth import TRUTH
 
@@ -13,7 +14,6 @@ from causalbench.core.discovery.discoverers import DISCOVERERS
 from causalbench.core.discovery.graph import CausalGraph, manual_graph
 from causalbench.core.discovery.methods.kl.divergence import divergence, gaussian_kl
 from causalbench.core.discovery.methods.kl.settings import KLSettings
-from causalbench.core.discovery.pipeline import discover
 from causalbench.core.discovery.reward_model import network
 from causalbench.core.discovery.samples.collect import collect
 from causalbench.core.discovery.settings import DiscoverySettings
@@ -21,8 +21,8 @@ from causalbench.core.discovery.tables import evidence_table
 from causalbench.core.kinematic import make
 from causalbench.core.kinematic.worlds import KinematicScene
 from causalbench.core.staged.env import StageTaskEnv
+from causalbench.core.staged.scene_worlds import SceneWorlds, judge
 from causalbench.core.tasks.pure_manipulation import TASK
-from causalbench.core.tasks.stages import judge
 from causalbench.errors import InvalidGraphError
 
 SMALL = DiscoverySettings(training_count=1500, options=KLSettings(max_epochs=12))
@@ -108,7 +108,7 @@ def test_divergence_directions_and_floor():
 def _collected(stage, do, count=64, action_repeat=1):
     steps = []
     rng, batch = np.random.default_rng(5), KinematicScene().batch(8)
-    samples = collect(TASK, batch, stage, count, do, rng, 10, 1, steps.append, action_repeat=action_repeat)
+    samples = collect(SceneWorlds(TASK, batch), stage, count, do, rng, 10, 1, steps.append, action_repeat=action_repeat)
     return samples, sum(steps)
 
 
@@ -208,14 +208,14 @@ def test_finds_the_closed_form_truth_on_kinematic(seed):
 def test_closed_form_truth_by_exact_counterfactuals(stage):
     """Same state and other actions, a_k random against 0: the effect is exactly zero unless the truth has the edge."""
     rng = np.random.default_rng(stage)
-    env = StageTaskEnv(TASK, KinematicScene())
+    env = StageTaskEnv(SceneWorlds(TASK, KinematicScene()))
     effects = np.zeros((7, 9))
     for _ in range(60):
         env.reset(seed=int(rng.integers(2**31)), options={"stage": stage})
         if stage == 1:  # walk on to the reach limit, where armx lowers the hand
             for _ in range(8):
-                env.scene.step(np.array([0.3, 0, 1.0, 0, 0, 0, 0]))
-        start, before = env.scene.snapshot(), env.scene.facts()
+                env.worlds.scene.step(np.array([0.3, 0, 1.0, 0, 0, 0, 0]))
+        start, before = env.worlds.scene.snapshot(), env.worlds.scene.facts()
         if TASK.stage(before) != stage:
             continue
         action = rng.uniform(-1, 1, 7)
@@ -224,9 +224,9 @@ def test_closed_form_truth_by_exact_counterfactuals(stage):
             tried = action.copy()
             if k >= 0:
                 tried[k] = 0.0
-            env.scene.restore(start)
-            env.scene.step(tried)
-            outcomes.append(judge(TASK, np.int64(stage), before, tried, env.scene.facts()).vector_reward)
+            env.worlds.scene.restore(start)
+            env.worlds.scene.step(tried)
+            outcomes.append(judge(TASK, np.int64(stage), before, tried, env.worlds.scene.facts()).rewards)
         effects = np.maximum(effects, np.abs(np.array(outcomes[1:]) - outcomes[0]))
     for term, causes in TRUTH[stage].items():
         column = effects[:, TASK.term_names.index(term)]

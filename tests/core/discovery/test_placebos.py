@@ -4,11 +4,11 @@ import dataclasses
 
 import numpy as np
 import pytest
+from scenes import discover
 from toy import make_toy, toy_task
 
 from causalbench.core.discovery.methods.kl.placebos import calibrate, placebo_copy, q_values
 from causalbench.core.discovery.methods.kl.settings import KLSettings
-from causalbench.core.discovery.pipeline import discover
 from causalbench.core.discovery.samples.transitions import Samples
 from causalbench.core.discovery.settings import DiscoverySettings
 from causalbench.errors import UserError

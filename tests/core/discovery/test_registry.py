@@ -10,6 +10,7 @@ from typing import get_type_hints
 import numpy as np
 import pydantic
 import pytest
+from scenes import discover
 from toy import make_toy, toy_task
 
 import causalbench
@@ -17,7 +18,6 @@ from causalbench.core.discovery.discoverers import DISCOVERERS
 from causalbench.core.discovery.edges import EDGE, RESERVED, edge_rows
 from causalbench.core.discovery.graph import CausalGraph, EvidenceColumn, StageGraph
 from causalbench.core.discovery.methods.paired import PairedSettings
-from causalbench.core.discovery.pipeline import discover
 from causalbench.core.discovery.registry import Discoverer
 from causalbench.core.discovery.settings import PRESETS, DiscoverySettings
 from causalbench.errors import DiscovererError, UnknownNameError, UserError

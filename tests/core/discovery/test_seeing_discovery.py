@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
+from scenes import discover
 
 from causalbench.core.discovery.methods.kl.settings import KLSettings
-from causalbench.core.discovery.pipeline import discover
 from causalbench.core.discovery.reward_model.fit import fit_reward_models
 from causalbench.core.discovery.reward_model.settings import RewardModelSettings
 from causalbench.core.discovery.samples.collect import collect
@@ -19,6 +20,7 @@ from causalbench.core.discovery.settings import DiscoverySettings
 from causalbench.core.kinematic import make
 from causalbench.core.kinematic.worlds import KinematicScene
 from causalbench.core.staged.env import StageTaskEnv
+from causalbench.core.staged.scene_worlds import SceneWorlds
 from causalbench.core.tasks.mobile_manipulation import TASK as MOBILE
 from causalbench.core.tasks.pure_manipulation import TASK as PURE
 from causalbench.store.samples import SampleFolder
@@ -48,10 +50,10 @@ def test_joined_samples_keep_blocks_of_frames_and_find_their_rows() -> None:
 def test_a_frame_is_what_was_seen_before_its_step() -> None:
     """The first sample of every sequence is a start, which can be drawn again."""
     rng = np.random.default_rng(2)
-    samples = collect(PURE, KinematicScene().batch(1), 1, 12, None, rng, 4, 0, lambda n: None, "rgb")
+    samples = collect(SceneWorlds(PURE, KinematicScene().batch(1)), 1, 12, None, rng, 4, 0, lambda n: None, "rgb")
     assert samples.frames[0].shape == (12, 48 * 64 * 3)
     assert samples.frames[0].dtype == np.uint8
-    env = StageTaskEnv(PURE, KinematicScene(), observe="paper")
+    env = StageTaskEnv(SceneWorlds(PURE, KinematicScene()), observe="paper")
     for row in range(12):
         if row and samples.sequence[row] == samples.sequence[row - 1]:
             obs, *_ = env.step(samples.actions[row - 1])
@@ -69,9 +71,7 @@ def test_discovery_sees_what_the_paper_says_and_keeps_it(task, tmp_path: Path) -
         training_count=24, n_placebos=0, observation="paper", options=KLSettings(max_epochs=1, batch_size=16)
     )
 
-    def make_scene():
-        return make(mobile=task is MOBILE)
-
+    make_scene = partial(make, mobile=task is MOBILE)
     store = SampleFolder(tmp_path / "data")
     graph = discover(task, make_scene, settings, 0, quiet, store=store)
     assert graph.provenance["settings"]["observation"] == "paper"

@@ -6,12 +6,12 @@ from math import comb
 
 import numpy as np
 import pytest
+from scenes import counting, discover
 from toy import make_toy, toy_task
 
 from causalbench.core.discovery.graph import CausalGraph
 from causalbench.core.discovery.methods.paired import PairedSettings
 from causalbench.core.discovery.methods.sufficient import LEVEL, _oftener
-from causalbench.core.discovery.pipeline import CountingScene, discover
 from causalbench.core.discovery.settings import DiscoverySettings
 from causalbench.core.learners.causal_gradient import stage_plan
 from causalbench.core.learners.methods import METHODS
@@ -61,17 +61,13 @@ def test_a_cause_that_only_spoils_a_stage_is_left_out(name, enough, note, seed):
 
 
 def test_edges_are_those_of_paired_and_every_step_counts():
-    scenes = []
-
-    def counting():
-        scenes.append(CountingScene(make_toy()))
-        return scenes[-1]
+    make_counting, counts = counting(make_toy)
 
     task = TASKS["army spoils"]
-    graph = discover(task, counting, SETTINGS, 0, lambda share, doing: None)
+    graph = discover(task, make_counting, SETTINGS, 0, lambda share, doing: None)
     paired = discover(task, make_toy, dataclasses.replace(SETTINGS, discoverer="paired"), 0, lambda share, doing: None)
     np.testing.assert_array_equal(graph.stages[0].evidence["effect"], paired.stages[0].evidence["effect"])
-    assert graph.env_steps == sum(scene.steps for scene in scenes) > paired.env_steps
+    assert graph.env_steps == sum(counts) > paired.env_steps
 
 
 @pytest.mark.parametrize("counts", [(9, 20, 20, 300), (1, 20, 20, 300), (0, 5, 0, 7), (4, 4, 6, 6), (7, 60, 0, 60)])

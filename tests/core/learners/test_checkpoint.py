@@ -123,7 +123,7 @@ def stopped(tmp_path_factory):
         ({"n_envs": 3}, "settings n_envs is 2, not 3"),
         ({"seed": 1}, "seed is 0, not 1"),
         ({"name": "cSAC"}, "method name is 'cmmSAC', not 'cSAC'"),
-        ({"make_scene": lambda: _Newer()}, "backend backend_version is '1', not '2'"),
+        ({"make_scene": lambda: _Newer()}, "worlds backend_version is '1', not '2'"),
     ],
 )
 def test_a_checkpoint_of_another_run_is_refused(stopped, changes, message):

@@ -4,9 +4,9 @@ import dataclasses
 
 import numpy as np
 import pytest
+from scenes import counting, worlds_of
 
 from causalbench.core.discovery.graph import CausalGraph, manual_graph
-from causalbench.core.discovery.pipeline import CountingScene
 from causalbench.core.discovery.truth.oracle import StageTruth, oracle_graph
 from causalbench.core.kinematic import make
 from causalbench.core.learners.causal_gradient import stage_plan
@@ -14,22 +14,24 @@ from causalbench.core.learners.controls import CONTROLS, control_graph
 from causalbench.core.learners.methods import METHODS
 from causalbench.core.learners.training_graph import training_graph
 from causalbench.core.staged.restricted_expert import solved_starts
+from causalbench.core.staged.scene_worlds import SceneWorlds
 from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench.core.world.batch import make_batch
 from causalbench.errors import InvalidGraphError
 
 METHOD = {method.name: method for method in METHODS}
 GRAPH = manual_graph(TASK)
+MAKE = worlds_of(TASK, make)
 
 
 @pytest.fixture(scope="module")
-def batch():
-    return make_batch(make, 50)
+def worlds():
+    return SceneWorlds(TASK, make_batch(make, 50))
 
 
 @pytest.fixture(scope="module")
-def controls(batch) -> dict[str, CausalGraph]:
-    return {name: control_graph(name, GRAPH, TASK, batch, seed=3) for name in CONTROLS}
+def controls(worlds) -> dict[str, CausalGraph]:
+    return {name: control_graph(name, GRAPH, worlds, seed=3) for name in CONTROLS}
 
 
 def _pairs(controls, name):
@@ -39,7 +41,7 @@ def _pairs(controls, name):
 
 
 @pytest.mark.parametrize("name", list(CONTROLS))
-def test_every_control_changes_a_matrix_and_leaves_every_stage_solvable(controls, batch, name):
+def test_every_control_changes_a_matrix_and_leaves_every_stage_solvable(controls, worlds, name):
     graph = controls[name]
     assert (graph.origin, graph.provenance["of"]) == ("control", GRAPH.hash)
     assert graph.provenance["changed_stages"]
@@ -48,7 +50,7 @@ def test_every_control_changes_a_matrix_and_leaves_every_stage_solvable(controls
     for own, control in zip(GRAPH.stages, graph.stages, strict=True):
         same = own.stage not in graph.provenance["changed_stages"]
         assert (own.matrix == control.matrix).all() == same
-        assert solved_starts(TASK, batch, own.stage, allowed, 20).all()
+        assert solved_starts(worlds, own.stage, allowed, 20).all()
 
 
 def test_masks_at_fixed_actions(controls):
@@ -79,28 +81,28 @@ def test_other_sets_have_as_many_actions_and_only_grip_can_grasp(controls):
         assert control.causal_actions() != own.causal_actions()
 
 
-def test_a_control_starts_from_the_actions_that_a_policy_sets(batch):
+def test_a_control_starts_from_the_actions_that_a_policy_sets(worlds):
     """Stage 4 with every action a cause, and grip enough."""
     *first, last = GRAPH.stages
     all_causes = dataclasses.replace(last, matrix=np.ones_like(last.matrix), sufficient=("grip",))
-    control = control_graph("plus1", dataclasses.replace(GRAPH, stages=(*first, all_causes)), TASK, batch, seed=3)
+    control = control_graph("plus1", dataclasses.replace(GRAPH, stages=(*first, all_causes)), worlds, seed=3)
     assert len(control.stages[3].policy_actions()) == 2
     assert "grip" in control.stages[3].policy_actions()
 
 
-def test_controls_are_a_function_of_the_seed(batch):
-    same, again, different = (control_graph("redrawn", GRAPH, TASK, batch, seed) for seed in (0, 0, 1))
+def test_controls_are_a_function_of_the_seed(worlds):
+    same, again, different = (control_graph("redrawn", GRAPH, worlds, seed) for seed in (0, 0, 1))
     assert same.hash == again.hash != different.hash
 
 
-def test_a_graph_that_cannot_be_solved_has_no_control(batch):
+def test_a_graph_that_cannot_be_solved_has_no_control(worlds):
     stages = list(GRAPH.stages)
     without = stages[0].matrix.copy()
     without[TASK.actions.index("armz")] = False
     stages[0] = dataclasses.replace(stages[0], matrix=without)
     graph = dataclasses.replace(GRAPH, stages=tuple(stages))
     with pytest.raises(InvalidGraphError, match=r"stage 1: the scripted expert cannot solve .* armx army grip alone"):
-        control_graph("shuffled", graph, TASK, batch, 0)
+        control_graph("shuffled", graph, worlds, 0)
 
 
 def test_the_oracles_graph_has_its_strong_edges_and_declares_what_it_could_not_test():
@@ -112,7 +114,9 @@ def test_the_oracles_graph_has_its_strong_edges_and_declares_what_it_could_not_t
         for array in (effect, low, high):
             array[:, -1] = np.nan
         truth.append(
-            StageTruth(own.stage, own.actions, own.terms, effect, low, high, np.zeros(len(own.terms)), True, 400)
+            StageTruth(
+                own.stage, own.actions, own.terms, effect, low, high, np.zeros(len(own.terms)), True, 400, 400 * 9
+            )
         )
     graph = oracle_graph(TASK, tuple(truth), seed=0)
     assert (graph.origin, graph.env_steps) == ("oracle", 400 * 9 * 4)
@@ -121,23 +125,19 @@ def test_the_oracles_graph_has_its_strong_edges_and_declares_what_it_could_not_t
 
 
 def test_the_oracle_is_asked_about_actions_held_as_long_as_those_of_the_discovery():
-    scenes = []
-
-    def counting():
-        scenes.append(CountingScene(make()))
-        return scenes[-1]
-
-    one, held = (training_graph(TASK, METHOD["cmSAC-oracle"], None, counting, 0, repeat) for repeat in (1, 2))
+    make_counting, counts = counting(make)
+    method, make_worlds = METHOD["cmSAC-oracle"], worlds_of(TASK, make_counting)
+    one, held = (training_graph(TASK, method, None, make_worlds, 0, repeat) for repeat in (1, 2))
     assert (one.provenance["action_repeat"], held.provenance["action_repeat"]) == (1, 2)
-    assert [one.env_steps, held.env_steps] == [scene.steps for scene in scenes]
+    assert [one.env_steps, held.env_steps] == counts
     assert held.hash != one.hash
 
 
 def test_a_graph_that_was_drawn_before_is_not_drawn_again():
     control = dataclasses.replace(GRAPH, origin="control")
-    assert training_graph(TASK, METHOD["cmSAC-plus1"], control, make, 0) is control
-    assert training_graph(TASK, METHOD["cmSAC"], GRAPH, make, 0) is GRAPH
-    assert training_graph(TASK, METHOD["mSAC"], None, make, 0) is None
+    assert training_graph(TASK, METHOD["cmSAC-plus1"], control, MAKE, 0) is control
+    assert training_graph(TASK, METHOD["cmSAC"], GRAPH, MAKE, 0) is GRAPH
+    assert training_graph(TASK, METHOD["mSAC"], None, MAKE, 0) is None
 
 
 @pytest.mark.parametrize("learner", ["SAC", "PPO"])

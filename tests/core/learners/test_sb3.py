@@ -18,6 +18,7 @@ from causalbench.core.learners.sb3.summed_reward_env import SummedRewardEnv
 from causalbench.core.learners.sb3.training import exported_actor, make_ppo, make_sac
 from causalbench.core.learners.settings import EvaluationSettings
 from causalbench.core.staged.env import StageTaskEnv
+from causalbench.core.staged.scene_worlds import SceneWorlds
 from causalbench.core.staged.vector_env import StageTaskVectorEnv
 from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench.core.world.batch import make_batch
@@ -50,14 +51,14 @@ def test_they_are_counted_evaluated_and_saved_like_the_others(name, tmp_path):
 
     policy.save(tmp_path / "policy")
     loaded = load_policy(tmp_path / "policy")
-    obs, _ = StageTaskEnv(TASK, KinematicScene()).reset(seed=3)
+    obs, _ = StageTaskEnv(SceneWorlds(TASK, KinematicScene())).reset(seed=3)
     np.testing.assert_array_equal(loaded.predict(obs)[0], policy.predict(obs)[0])
 
 
 @pytest.mark.parametrize("name", ["SAC", "PPO"])
 def test_the_exported_policy_is_sb3s_own(name):
     settings = dataclasses.replace(TINY[name], learning_rate=1e-2)
-    env = StageTaskVectorEnv(TASK, make_batch(make, settings.n_envs))
+    env = StageTaskVectorEnv(SceneWorlds(TASK, make_batch(make, settings.n_envs)))
     scale = ObservationScale.of(env.single_observation_space)
     worlds = SummedRewardEnv(env, scale, seed=0)
     model = {"SAC": make_sac, "PPO": make_ppo}[name](settings, worlds, seed=0)
@@ -70,7 +71,7 @@ def test_the_exported_policy_is_sb3s_own(name):
 
 
 def test_sb3_sees_the_summed_reward_and_time_limits():
-    env = StageTaskVectorEnv(TASK, make_batch(make, 2))
+    env = StageTaskVectorEnv(SceneWorlds(TASK, make_batch(make, 2)))
     worlds = SummedRewardEnv(env, ObservationScale.of(env.single_observation_space), seed=0)
     first = worlds.reset()
     total = np.zeros(2)

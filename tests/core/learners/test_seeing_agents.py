@@ -30,6 +30,7 @@ from causalbench.core.learners.sac.settings import SACSettings
 from causalbench.core.learners.settings import EvaluationSettings
 from causalbench.core.networks.encoder import SENSORS, Encoder
 from causalbench.core.staged.env import StageTaskEnv
+from causalbench.core.staged.scene_worlds import SceneWorlds
 from causalbench.core.tasks.mobile_manipulation import TASK as MOBILE
 from causalbench.core.tasks.pure_manipulation import TASK as PURE
 from causalbench.errors import DivergedError, UserError
@@ -193,9 +194,8 @@ def test_it_trains_is_killed_and_continues_and_its_policy_is_read_back(
     policy.save(tmp_path / "policy")
     again = causalbench.load_policy(tmp_path / "policy")
     task = QUICK[task_name]
-    env = StageTaskEnv(
-        task, make(mobile=task_name == "mobile_manipulation"), observe_gripper=method.endswith("PPO"), observe="paper"
-    )
+    worlds = SceneWorlds(task, make(mobile=task_name == "mobile_manipulation"))
+    env = StageTaskEnv(worlds, observe_gripper=method.endswith("PPO"), observe="paper")
     obs, _ = env.reset(seed=0)
     action, _ = again.predict(obs)
     np.testing.assert_array_equal(action, policy.predict(obs)[0])
@@ -205,7 +205,7 @@ def test_it_trains_is_killed_and_continues_and_its_policy_is_read_back(
 
 
 def test_scaling_leaves_the_sensor_to_the_encoder() -> None:
-    env = StageTaskEnv(PURE, make(), observe="paper")
+    env = StageTaskEnv(SceneWorlds(PURE, make()), observe="paper")
     obs, _ = env.reset(seed=0)
     scale = ObservationScale.of(env.observation_space, "rgb")
     inputs = scale({k: np.asarray(v)[None] for k, v in obs.items()})

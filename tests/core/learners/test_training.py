@@ -26,6 +26,7 @@ from causalbench.core.learners.sac.settings import SACSettings
 from causalbench.core.learners.sac.staged import StagedSAC
 from causalbench.core.learners.settings import EvaluationSettings
 from causalbench.core.staged.env import StageTaskEnv
+from causalbench.core.staged.scene_worlds import SceneWorlds
 from causalbench.core.staged.vector_env import StageTaskVectorEnv
 from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench.core.world.batch import make_batch
@@ -129,7 +130,7 @@ def test_exploding_losses_of_ppo_name_step_and_stage():
 
 def _learner(name="cmmSAC", **changes):
     settings = dataclasses.replace(TINY, **changes)
-    env = StageTaskVectorEnv(TASK, make_batch(make, settings.n_envs))
+    env = StageTaskVectorEnv(SceneWorlds(TASK, make_batch(make, settings.n_envs)))
     scale = ObservationScale.of(env.single_observation_space)
     return StagedSAC(TASK, METHOD[name], manual_graph(TASK), scale, settings, 0), env
 
@@ -140,7 +141,7 @@ def test_steps_go_to_the_agent_of_the_stage_they_began_in():
     stages = np.zeros(5, dtype=int)
     done = np.zeros(5)
     for _ in range(60):
-        actions = TASK.expert(env._facts, env.batch.spec)
+        actions = env.worlds.expert()
         next_obs, _, terminated, truncated, infos = env.step(actions)
         learner.remember(obs, actions, infos, terminated | truncated)
         np.add.at(stages, infos["stage"], 1)
@@ -190,7 +191,7 @@ def test_a_stage_trains_only_on_new_samples_of_its_own():
 
 def test_ppo_trains_at_the_end_of_an_epoch_and_goes_on_from_its_state():
     """Two learners, one made anew from the other's state in mid-epoch, end with the same weights."""
-    env = StageTaskVectorEnv(TASK, make_batch(make, TINY_PPO.n_envs))
+    env = StageTaskVectorEnv(SceneWorlds(TASK, make_batch(make, TINY_PPO.n_envs)))
     scale = ObservationScale.of(env.single_observation_space)
     first, second = (StagedPPO(TASK, METHOD["cmmPPO"], manual_graph(TASK), scale, TINY_PPO, s) for s in (0, 1))
     obs, _ = env.reset(seed=0)
@@ -248,7 +249,7 @@ class _Expert(StagedPolicy):
         self.env = env
 
     def predict(self, observation, state=None, episode_start=None, deterministic=True):
-        return TASK.expert(self.env.facts, self.env.scene.spec).astype(np.float32), state
+        return self.env.worlds.expert().astype(np.float32), state
 
 
 def test_evaluation_of_the_expert_is_perfect(make_pure):
@@ -268,7 +269,7 @@ class _Idle(_Expert):
 
 
 def test_without_success_there_is_no_held_rate():
-    env = StageTaskEnv(TASK, KinematicScene())
+    env = StageTaskEnv(SceneWorlds(TASK, KinematicScene()))
     found = evaluate(_Idle(env), env, episodes=2, env_steps=0)
     assert (found.success_deterministic, found.held_rate, found.mean_final_stage) == (0.0, None, 1.0)
     assert found.mean_length == TASK.horizon
@@ -279,7 +280,7 @@ def test_policy_round_trip_and_sb3s_own_evaluation(name, tmp_path):
     policy, _, _ = _train(name)
     policy.save(tmp_path / "policy")
     loaded = load_policy(tmp_path / "policy")
-    env = StageTaskEnv(TASK, KinematicScene())
+    env = StageTaskEnv(SceneWorlds(TASK, KinematicScene()))
     obs, _ = env.reset(seed=3)
     for _ in range(5):
         action, state = loaded.predict(obs)
@@ -287,7 +288,7 @@ def test_policy_round_trip_and_sb3s_own_evaluation(name, tmp_path):
         assert state is None
         assert action.shape == (7,)
         obs, *_ = env.step(action)
-    vec = DummyVecEnv([lambda: StageTaskEnv(TASK, KinematicScene())])
+    vec = DummyVecEnv([lambda: StageTaskEnv(SceneWorlds(TASK, KinematicScene()))])
     vec.seed(0)
     mean, _ = evaluate_policy(loaded, vec, n_eval_episodes=2, warn=False)
     assert np.isfinite(mean)

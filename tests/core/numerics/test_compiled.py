@@ -23,8 +23,8 @@ env = make_env(backend=sys.argv[1])
 env.reset(seed=0)
 rows, done = [], False
 while not done:
-    _, reward, success, truncated, info = env.step(env.task.expert(env.facts, env.scene.spec))
-    rows.append([*row(env.facts), *info["vector_reward"], info["stage"]])
+    _, reward, success, truncated, info = env.step(env.worlds.expert())
+    rows.append([*row(env.worlds.facts), *info["vector_reward"], info["stage"]])
     done = success or truncated
 np.save(sys.argv[2], rows)
 sys.exit(not success)

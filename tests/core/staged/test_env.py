@@ -15,6 +15,7 @@ from gymnasium.utils.env_checker import check_env as gymnasium_check
 
 from causalbench.core.kinematic.worlds import KinematicScene
 from causalbench.core.staged.env import StageTaskEnv, VectorReward
+from causalbench.core.staged.scene_worlds import SceneWorlds
 from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench.errors import CausalbenchError, InvalidActionError, UserError
 
@@ -30,7 +31,7 @@ def play(env, n_steps, expert=True):
     """(obs, reward, terminated, truncated, info) of each step of an episode by the scripted expert."""
     out = []
     for _ in range(n_steps):
-        action = TASK.expert(env.facts, env.scene.spec) if expert else STILL
+        action = env.worlds.expert() if expert else STILL
         out.append(env.step(action))
         if out[-1][2] or out[-1][3]:
             break
@@ -84,7 +85,7 @@ def test_vector_reward_returns_the_vector(make_pure):
     plain.reset(seed=0)
     vector.reset(seed=0)
     for _ in range(5):
-        action = TASK.expert(plain.facts, plain.scene.spec)
+        action = plain.worlds.expert()
         _, scalar, *_, info = plain.step(action)
         _, reward, *_ = vector.step(action)
         assert reward.shape == vector.unwrapped.reward_space.shape == (9,)
@@ -126,7 +127,7 @@ def test_the_papers_observation_passes_other_peoples_checkers(make_pure):
     gymnasium_check(env)
     obs, _ = env.reset(seed=0)
     first = obs["rgb"].copy()
-    assert np.array_equal(first, env.scene.render(64, 48))
+    assert np.array_equal(first, env.worlds.scene.render(64, 48))
     for _ in range(5):
         obs, *_ = env.step(np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0]))
     assert not np.array_equal(first, obs["rgb"])
@@ -136,7 +137,7 @@ def test_a_scene_without_pictures_is_refused_the_papers_observation():
     scene = KinematicScene()
     scene.spec = dataclasses.replace(scene.spec, capabilities=scene.spec.capabilities - {"rgb"})
     with pytest.raises(UserError, match="no capability 'rgb'"):
-        StageTaskEnv(TASK, scene, observe="paper")
+        StageTaskEnv(SceneWorlds(TASK, scene), observe="paper")
 
 
 def test_info_and_observation_of_an_episode(env):
@@ -186,8 +187,8 @@ def test_a_success_on_the_last_step_terminates_and_does_not_truncate(env):
 def test_reset_into_a_stage(env, stage):
     for seed in range(5):
         obs, info = env.reset(seed=seed, options={"stage": stage})
-        assert info["stage"] == TASK.stage(env.facts) == obs["stage"] + 1 == stage
-        facts = env.facts
+        assert info["stage"] == TASK.stage(env.worlds.facts) == obs["stage"] + 1 == stage
+        facts = env.worlds.facts
         flags = (facts.collision_base, facts.collision_arm, facts.collision_self, facts.holding)
         assert not any(flags)
         assert env.observation_space.contains(obs)
@@ -209,12 +210,12 @@ def test_reset_into_a_stage(env, stage):
 )
 def test_invalid_actions_are_refused_and_change_nothing(env, action):
     env.reset(seed=0)
-    before = env.facts
+    before = env.worlds.facts
     with pytest.raises(InvalidActionError, match="action"):
         env.step(action)
     assert issubclass(InvalidActionError, CausalbenchError)
-    assert env.facts is before
-    np.testing.assert_array_equal(env.scene.facts().eef_position, before.eef_position)
+    assert env.worlds.facts is before
+    np.testing.assert_array_equal(env.worlds.scene.facts().eef_position, before.eef_position)
 
 
 def test_a_scene_refuses_invalid_actions(make_scene):
@@ -240,8 +241,8 @@ def test_close_twice(env):
 def test_returned_arrays_are_the_callers_own(env):
     obs, _ = env.reset(seed=0)
     kept = obs["state"].copy()
-    facts, position = env.facts, env.facts.eef_position.copy()
-    action = TASK.expert(facts, env.scene.spec)
+    facts, position = env.worlds.facts, env.worlds.facts.eef_position.copy()
+    action = env.worlds.expert()
     given = action.copy()
     env.step(action)
     np.testing.assert_array_equal(obs["state"], kept)

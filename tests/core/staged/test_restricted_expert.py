@@ -1,6 +1,7 @@
 """Complete yet non-redundant, the paper's criterion for a causal action space, on every simulator."""
 
 import dataclasses
+from functools import partial
 
 import numpy as np
 import pytest
@@ -8,10 +9,11 @@ import pytest
 from causalbench.core.kinematic import make
 from causalbench.core.kinematic.worlds import KinematicScene
 from causalbench.core.staged.restricted_expert import STARTS, solved_starts
+from causalbench.core.staged.scene_worlds import SceneWorlds
 from causalbench.core.tasks import mobile_manipulation
 from causalbench.core.tasks.pure_manipulation import TASK
-from causalbench.core.world.batch import BatchScene, SceneList, make_batch
-from causalbench.plugins.manager import installed, scene_maker
+from causalbench.core.world.batch import SceneList, make_batch
+from causalbench.plugins.manager import installed, worlds_maker
 
 SIMULATORS = ("gymrob", "pybullet", "robosuite")
 CAUSAL = {
@@ -37,22 +39,24 @@ EDGES = [(stage, action) for stage, actions in CAUSAL.items() for action in acti
 
 @pytest.fixture(scope="module")
 def kinematic():
-    return make_batch(make, STARTS)
+    return SceneWorlds(TASK, make_batch(make, STARTS))
 
 
 @pytest.mark.parametrize("stage", CAUSAL)
-def test_causal_actions_solve_the_stage(kinematic: BatchScene, stage: int) -> None:
-    assert solved_starts(TASK, kinematic, stage, CAUSAL).all()
+def test_causal_actions_solve_the_stage(kinematic: SceneWorlds, stage: int) -> None:
+    assert solved_starts(kinematic, stage, CAUSAL).all()
 
 
 @pytest.mark.parametrize(("stage", "dropped"), EDGES)
-def test_dropping_an_action_lowers_that_unless_it_is_redundant(kinematic: BatchScene, stage: int, dropped: str) -> None:
-    solved = solved_starts(TASK, kinematic, stage, without(stage, dropped))
+def test_dropping_an_action_lowers_that_unless_it_is_redundant(
+    kinematic: SceneWorlds, stage: int, dropped: str
+) -> None:
+    solved = solved_starts(kinematic, stage, without(stage, dropped))
     assert solved.all() == ((stage, dropped) in REDUNDANT)
 
 
-def test_without_any_action_nothing_is_solved(kinematic: BatchScene) -> None:
-    assert not any(solved_starts(TASK, kinematic, stage, {}, 10).any() for stage in CAUSAL)
+def test_without_any_action_nothing_is_solved(kinematic: SceneWorlds) -> None:
+    assert not any(solved_starts(kinematic, stage, {}, 10).any() for stage in CAUSAL)
 
 
 def test_a_start_does_not_depend_on_the_number_of_worlds() -> None:
@@ -61,7 +65,8 @@ def test_a_start_does_not_depend_on_the_number_of_worlds() -> None:
     several = KinematicScene().batch(4)
     for batch in (several, KinematicScene().batch(20)):
         np.testing.assert_array_equal(
-            solved_starts(TASK, one, 2, {2: ("armry",)}, 10), solved_starts(TASK, batch, 2, {2: ("armry",)}, 10)
+            solved_starts(SceneWorlds(TASK, one), 2, {2: ("armry",)}, 10),
+            solved_starts(SceneWorlds(TASK, batch), 2, {2: ("armry",)}, 10),
         )
 
 
@@ -73,13 +78,13 @@ MOBILE_CAUSAL = {1: ("forward", "turn"), 2: ("turn",), 3: ("armx", "army", "armz
 def test_a_restricted_driver_plans_on_the_map(backend: str) -> None:
     """Straight on, without a map, 35 of the 50 starts of stage 1 are solved. Each action of a stage is needed."""
     task = mobile_manipulation.TASK
-    batch = make_batch(scene_maker(installed().backend(backend), task), 1 if backend in SIMULATORS else STARTS)
+    worlds = worlds_maker(installed().backend(backend), task)(1 if backend in SIMULATORS else STARTS)
     for stage, actions in MOBILE_CAUSAL.items():
-        assert solved_starts(task, batch, stage, MOBILE_CAUSAL).all(), stage
+        assert solved_starts(worlds, stage, MOBILE_CAUSAL).all(), stage
         for action in actions:
             fewer = MOBILE_CAUSAL | {stage: set(actions) - {action}}
-            assert not solved_starts(task, batch, stage, fewer, 10).all(), (stage, action)
-    batch.close()
+            assert not solved_starts(worlds, stage, fewer, 10).all(), (stage, action)
+    worlds.close()
 
 
 def test_driving_can_stand_in_for_the_arm_in_the_plane() -> None:
@@ -100,21 +105,20 @@ def test_driving_can_stand_in_for_the_arm_in_the_plane() -> None:
         return np.clip(out, -1.0, 1.0)
 
     driver = dataclasses.replace(task, expert=expert)
-    batch = make_batch(scene_maker(installed().backend("kinematic"), task), STARTS)
-    assert solved_starts(driver, batch, 3, discovered).all()
-    assert solved_starts(driver, batch, 2, discovered).all()
-    assert solved_starts(driver, batch, 1, discovered).mean() < 0.1  # who cannot turn arrives by luck
+    worlds = SceneWorlds(driver, make_batch(partial(make, mobile=True), STARTS))
+    assert solved_starts(worlds, 3, discovered).all()
+    assert solved_starts(worlds, 2, discovered).all()
+    assert solved_starts(worlds, 1, discovered).mean() < 0.1  # who cannot turn arrives by luck
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("backend", SIMULATORS)
 def test_causal_actions_are_complete_and_not_redundant_in_a_simulator(backend: str) -> None:
-    scene = installed().backend(backend).make()
-    batch = SceneList([scene])
+    worlds = worlds_maker(installed().backend(backend), TASK)(1)
     for stage in CAUSAL:
-        assert solved_starts(TASK, batch, stage, CAUSAL).all(), stage
+        assert solved_starts(worlds, stage, CAUSAL).all(), stage
     needless = {
-        (stage, action) for stage, action in EDGES if solved_starts(TASK, batch, stage, without(stage, action)).all()
+        (stage, action) for stage, action in EDGES if solved_starts(worlds, stage, without(stage, action)).all()
     }
-    batch.close()
+    worlds.close()
     assert needless == REDUNDANT

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from causalbench.core.staged.env import reset_worlds
+from causalbench.core.staged.scene_worlds import SceneWorlds
+from causalbench.core.staged.starts import draw_starts
 from causalbench.core.staged.vector_env import StageTaskVectorEnv
 from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench.core.world.batch import SceneList, make_batch
@@ -18,13 +19,13 @@ N = 3
 def make_vector(make_scene):
     def make(native: bool = True) -> StageTaskVectorEnv:
         batch = make_batch(make_scene, N) if native else SceneList([make_scene() for _ in range(N)])
-        return StageTaskVectorEnv(TASK, batch)
+        return StageTaskVectorEnv(SceneWorlds(TASK, batch))
 
     return make
 
 
 def expert(env: StageTaskVectorEnv):
-    return TASK.expert(env.batch.facts(), env.batch.spec)
+    return env.worlds.expert()
 
 
 def test_native_batch_equals_a_list_of_scenes(make_vector):
@@ -47,7 +48,9 @@ def test_native_batch_equals_a_list_of_scenes(make_vector):
 
 def test_pictures_of_several_worlds_are_those_of_each(make_scene):
     batches = make_batch(make_scene, 2), SceneList([make_scene() for _ in range(2)])
-    native, listed = (StageTaskVectorEnv(TASK, batch, observe="paper").reset(seed=4)[0]["rgb"] for batch in batches)
+    native, listed = (
+        StageTaskVectorEnv(SceneWorlds(TASK, batch), observe="paper").reset(seed=4)[0]["rgb"] for batch in batches
+    )
     assert native.shape == (2, 48, 64, 3)
     assert np.array_equal(native, listed)
     assert not np.array_equal(native[0], native[1])
@@ -65,7 +68,7 @@ def test_a_world_that_refuses_its_first_starts_gets_another(make_scene, monkeypa
             accept(layout)
 
         monkeypatch.setattr(scenes[index], "reset", reset)
-    layouts = reset_worlds(TASK, SceneList(scenes), range(2), [np.random.default_rng(i) for i in range(2)], 1)
+    layouts = draw_starts(TASK, SceneList(scenes), range(2), [np.random.default_rng(i) for i in range(2)], 1)
     for scene, layout in zip(scenes, layouts, strict=True):
         np.testing.assert_allclose(scene.facts().object_position[:2], layout.target.position[:2], atol=2e-3)
         assert TASK.stage(scene.facts()) == 1
@@ -132,11 +135,11 @@ def test_every_clock_is_its_worlds_own(make_vector):
 def test_invalid_actions_are_refused(make_vector):
     env = make_vector()
     env.reset(seed=0)
-    before = env.batch.facts().eef_position
+    before = env.worlds.scene.facts().eef_position
     for actions in (np.zeros((N, 6)), np.zeros(7), np.full((N, 7), np.nan), np.full((N, 7), 1.5)):
         with pytest.raises(InvalidActionError):
             env.step(actions)
-    np.testing.assert_array_equal(env.batch.facts().eef_position, before)
+    np.testing.assert_array_equal(env.worlds.scene.facts().eef_position, before)
 
 
 def test_one_seed_gives_one_trajectory(make_vector):
@@ -157,7 +160,7 @@ def test_a_state_goes_on_in_another_vector_environment(make_vector):
     first.reset(seed=7)
     for _ in range(20):
         first.step(expert(first))
-    before = first._observer(first._facts, first._stage, first.batch)
+    before = first.worlds.observe()
     obs = second.load_state(first.state())
     for key, value in before.items():
         np.testing.assert_array_equal(obs[key], value)

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 from causalbench.core.kinematic.mobile import MOBILE_SPEC
+from causalbench.core.staged.scene_worlds import judge
 from causalbench.core.tasks import mobile_manipulation as task
 from causalbench.core.tasks import rooms
-from causalbench.core.tasks.stages import judge
 from causalbench.core.world.batch import select, stack
 from causalbench.core.world.facts import Facts
 from causalbench.errors import UserError
-from causalbench.plugins.manager import installed, scene_maker
+from causalbench.plugins.manager import installed, worlds_maker
 from causalbench.registration import make_env
 
 STILL = np.zeros(5)
@@ -51,7 +51,7 @@ def place(rho=2.0, theta=0.0, hand=(0.6, 0.0, 0.7), yaw=0.0, **changes) -> Facts
 
 def terms(previous: Facts, now: Facts) -> dict[str, float]:
     """The reward terms that are not 0."""
-    vector = judge(task.TASK, task.stage(previous), previous, STILL, now).vector_reward
+    vector = judge(task.TASK, task.stage(previous), previous, STILL, now).rewards
     return {name: value for name, value in zip(task.TASK.term_names, vector, strict=True) if abs(value) > 1e-12}
 
 
@@ -186,7 +186,7 @@ def test_a_robot_that_does_not_drive_is_refused():
     kinematic = installed().backend("kinematic")
     standing = dataclasses.replace(kinematic, variants=kinematic.variants[:1])
     with pytest.raises(UserError, match=r"cannot run task 'mobile_manipulation': .* lacks lidar, mobile_base"):
-        scene_maker(standing, task.TASK)
+        worlds_maker(standing, task.TASK)
 
 
 # --- in every backend that drives
@@ -199,9 +199,9 @@ def test_the_expert_arrives_without_collision(mobile_env):
         mobile_env.reset(seed=seed)
         over = success = False
         while not over:
-            action = task.expert(mobile_env.facts, mobile_env.scene.spec, mobile_env.layout)
+            action = mobile_env.worlds.expert()
             obs, _, success, truncated, _ = mobile_env.step(action)
-            facts = mobile_env.facts
+            facts = mobile_env.worlds.facts
             collided = facts.collision_base or facts.collision_arm or facts.collision_self
             assert not collided, seed
             assert mobile_env.observation_space.contains(obs)
@@ -224,7 +224,7 @@ def test_the_same_seed_is_the_same_room_and_scan():
     for backend in ("kinematic", "gymrob", "pybullet", "robosuite"):
         env = make_env("mobile_manipulation", backend)
         scans[backend] = np.array([env.reset(seed=seed)[0]["lidar"] for seed in range(5)])
-        draw = functools.partial(task.draw_layout, workspace=env.scene.spec.workspace, max_opening=0.1, stage=1)
+        draw = functools.partial(task.draw_layout, workspace=env.worlds.scene.spec.workspace, max_opening=0.1, stage=1)
         layouts[backend] = [draw(np.random.default_rng(seed)) for seed in range(5)]
         env.close()
     first = scans.pop("kinematic")

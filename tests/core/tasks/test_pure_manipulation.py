@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from causalbench.core.numerics.rotations import angle_between, rotate
+from causalbench.core.staged.scene_worlds import judge
 from causalbench.core.tasks import pure_manipulation as task
-from causalbench.core.tasks.stages import judge
 from causalbench.core.world.batch import select, stack
 from causalbench.core.world.layout import Workspace
 
@@ -25,7 +25,7 @@ def grip(value: float):
 
 def terms(previous, action, now) -> dict[str, float]:
     """The reward terms that are not 0."""
-    vector = judge(task.TASK, task.stage(previous), previous, action, now).vector_reward
+    vector = judge(task.TASK, task.stage(previous), previous, action, now).rewards
     assert vector.shape == (9,)
     return {name: value for name, value in zip(task.TASK.term_names, vector, strict=True) if abs(value) > 1e-12}
 

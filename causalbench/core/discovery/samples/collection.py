@@ -20,7 +20,7 @@ class Collection:
     """The samples of all stages, each collected when first asked for; with several `cores` all stages at once.
 
     `on_share(stage, share)` is told how far a stage is; `env_steps` counts those of the stages that were asked for.
-    A small collection, or a task or scene factory that cannot be pickled, is stepped in this process alone.
+    A small collection, or a task or a factory of worlds that cannot be pickled, is stepped in this process alone.
     """
 
     def __init__(self, recipe: Recipe, cores: int, on_share: Callable[[int, float], None]) -> None:

@@ -22,7 +22,7 @@ POLL = 0.2  # s between two looks at how far the processes are
 def pays(recipe: Recipe, cores: int) -> bool:
     """Whether several processes should collect: enough is asked for, and they can be told what."""
     size = recipe.task.n_stages * sum(stream.count for stream in recipe.streams(1))
-    return cores > 1 and recipe.make_scene is not None and size >= PARALLEL_FROM and _pickles(recipe)
+    return cores > 1 and recipe.make_worlds is not None and size >= PARALLEL_FROM and _pickles(recipe)
 
 
 def _pickles(recipe: Recipe) -> bool:

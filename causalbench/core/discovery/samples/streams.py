@@ -16,9 +16,8 @@ from causalbench.core.discovery.registry import SAMPLE_SETS, SampleSet
 from causalbench.core.discovery.samples.collect import collect
 from causalbench.core.discovery.samples.transitions import Samples
 from causalbench.core.discovery.settings import DiscoverySettings
-from causalbench.core.tasks.task import Task
-from causalbench.core.world.batch import BatchScene, make_batch
-from causalbench.core.world.scene import Scene, SceneSpec
+from causalbench.core.staged.worlds import MakeWorlds, Origin, Worlds
+from causalbench.core.tasks.stage_task import StageTask
 from causalbench.errors import UndecidedStageError
 
 N_WORLDS = 16
@@ -34,22 +33,8 @@ class SampleStore(Protocol):
     def load(self, about: About) -> Samples | None:
         """The samples that were kept with an equal `about`; None if there are none or they are damaged."""
 
-    def save(self, about: About, samples: Samples, task: Task) -> None:
+    def save(self, about: About, samples: Samples, task: StageTask) -> None:
         """Keep `samples`, as a whole or not at all."""
-
-
-@dataclass(frozen=True)
-class Origin:
-    """Which simulator the samples are from."""
-
-    backend: str
-    engine: str
-    robot: str
-
-    @classmethod
-    def of(cls, spec: SceneSpec) -> Origin:
-        """That of scenes with `spec`."""
-        return cls(f"{spec.backend} {spec.backend_version}", f"{spec.engine} {spec.engine_version}", spec.robot)
 
 
 @dataclass(frozen=True)
@@ -64,7 +49,7 @@ class Stream:
 
 
 def streams(
-    task: Task, settings: DiscoverySettings, stage: int, reads: frozenset[SampleSet] = SAMPLE_SETS
+    task: StageTask, settings: DiscoverySettings, stage: int, reads: frozenset[SampleSet] = SAMPLE_SETS
 ) -> list[Stream]:
     """D_random, D_inference, D_do of every action and, with placebos, one more random set that stands for theirs.
 
@@ -86,11 +71,11 @@ def streams(
 class Recipe:
     """All that a process needs to collect any stream of one discovery."""
 
-    task: Task
+    task: StageTask
     settings: DiscoverySettings
     seed: int
     origin: Origin
-    make_scene: Callable[[], Scene] | None
+    make_worlds: MakeWorlds | None
     store: SampleStore | None
     reads: frozenset[SampleSet] = SAMPLE_SETS
 
@@ -122,13 +107,13 @@ class Recipe:
         """The samples of `stream` if the store has them."""
         return self.store.load(self.about(stream)) if self.store else None
 
-    def collect(self, stream: Stream, batch: BatchScene, on_step: Callable[[int], None]) -> Samples:
+    def collect(self, stream: Stream, worlds: Worlds, on_step: Callable[[int], None]) -> Samples:
         """Collect `stream` and keep it."""
         rng = np.random.default_rng([self.seed, stream.stage, stream.number])
         length, placebos = self.settings.sequence_length, self.settings.n_placebos
         sensor = self.task.sensor_in(self.settings.observation)
         samples = collect(
-            self.task, batch, stream.stage, stream.count, stream.do, rng, length, placebos, on_step, sensor,
+            worlds, stream.stage, stream.count, stream.do, rng, length, placebos, on_step, sensor,
             self.settings.action_repeat,
         )  # fmt: skip
         if self.store:
@@ -141,7 +126,7 @@ class Collector:
 
     def __init__(self, recipe: Recipe) -> None:
         self.recipe = recipe
-        self._batch: BatchScene | None = None
+        self._worlds: Worlds | None = None
 
     def __call__(self, stream: Stream, on_step: Callable[[int], None]) -> Samples:
         """The samples of `stream`; `on_step(n)` is told of every n env steps that they took."""
@@ -149,13 +134,13 @@ class Collector:
         if kept is not None:
             on_step(kept.env_steps)
             return kept
-        if self._batch is None:
-            if self.recipe.make_scene is None:
+        if self._worlds is None:
+            if self.recipe.make_worlds is None:
                 raise UndecidedStageError("a file with samples is missing, and there is no simulator to collect them")
-            self._batch = make_batch(self.recipe.make_scene, N_WORLDS)
-        return self.recipe.collect(stream, self._batch, on_step)
+            self._worlds = self.recipe.make_worlds(N_WORLDS)
+        return self.recipe.collect(stream, self._worlds, on_step)
 
     def close(self) -> None:
         """Release the worlds."""
-        if self._batch:
-            self._batch.close()
+        if self._worlds:
+            self._worlds.close()

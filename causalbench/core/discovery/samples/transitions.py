@@ -17,7 +17,7 @@ Floats = NDArray[np.float32]
 class Samples:
     """Transitions of one stage. `actions` has the task's actions and, last, the placebos that no scene sees."""
 
-    states: Floats  # (n, n_state + 1): the paper's variables and the gripper opening
+    states: Floats  # (n, n_inputs): what `Worlds.states` says; names in `StageTask.input_names`
     actions: Floats  # (n, n_actions + n_placebos)
     rewards: Floats  # (n, n_terms of the stage)
     sequence: NDArray[np.int32]  # (n,) number of the uninterrupted sequence that each step belongs to

@@ -1,13 +1,14 @@
 """Graded ground truth: from a snapshot, the same state and the same other actions, a_k random against 0.
 
 The effect of action k on term j is T_kj = E[(r_j(s, a) - r_j(s, a with a_k = 0))^2] / Var(r_j(s, a)) over states that
-random sequences visit. It needs no model, only a scene that restores snapshots. Limits are fixed here, before any
+random sequences visit. It needs no model, only a world that can be restored. Limits are fixed here, before any
 discovery is looked at.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -17,8 +18,8 @@ from numpy.typing import NDArray
 from causalbench.core.discovery.graph import CausalGraph, StageGraph, declared_matrix
 from causalbench.core.discovery.truth.counterfactual import Walk
 from causalbench.core.discovery.truth.effects import ABSENT_BELOW, STRONG_ABOVE, effects
-from causalbench.core.tasks.task import Task
-from causalbench.core.world.scene import Scene
+from causalbench.core.staged.worlds import MakeWorlds, Worlds
+from causalbench.core.tasks.stage_task import StageTask
 
 ORACLE_STATES = 400  # visited states per stage
 CONFIDENCE = 0.95
@@ -38,8 +39,8 @@ class Grade(StrEnum):
 class StageTruth:
     """Effects of one stage, arrays (n_actions, n_terms); `floor` (n_terms,) is what repeating the same action shows.
 
-    `floor` is 0 where restoring is exact, which the scene declares or not (`exact_restore`). All is about actions held
-    for `action_repeat` control steps, in `states` visited states.
+    `floor` is 0 where restoring is exact, which the world declares or not (`exact_restore`). All is about actions held
+    for `action_repeat` control steps, in `states` visited states; `env_steps` is what asking took.
     """
 
     stage: int
@@ -51,12 +52,8 @@ class StageTruth:
     floor: NDArray[np.float64]
     exact_restore: bool
     states: int
+    env_steps: int
     action_repeat: int = 1
-
-    @property
-    def env_steps(self) -> int:
-        """Control steps that asking took: in every state the action, it again, and it with each action at 0."""
-        return self.states * (len(self.actions) + 2) * self.action_repeat
 
     def grades(self) -> list[list[Grade]]:
         """[action][term] grades."""
@@ -75,25 +72,25 @@ def _grade(effect: float, low: float, high: float) -> Grade:
 
 
 def consult_oracle(
-    task: Task,
-    make_scene: Callable[[], Scene],
+    task: StageTask,
+    make_worlds: MakeWorlds,
     states: int,
     seed: int,
     on_progress: Callable[[float, str], None],
     action_repeat: int = 1,
 ) -> tuple[StageTruth, ...]:
-    """The truth of every stage about actions held for `action_repeat` steps, from `states` visited states each."""
-    scene = make_scene()
-    try:
+    """The truth of every stage about actions held for `action_repeat` steps, from `states` visited states each.
+
+    Raises `UserError` where worlds cannot be restored.
+    """
+    with closing(make_worlds()) as worlds:
         return tuple(
-            _stage_truth(task, scene, stage, states, seed, on_progress, action_repeat)
+            _stage_truth(worlds, stage, states, seed, on_progress, action_repeat)
             for stage in range(1, task.n_stages + 1)
         )
-    finally:
-        scene.close()
 
 
-def oracle_graph(task: Task, truth: tuple[StageTruth, ...], seed: int) -> CausalGraph:
+def oracle_graph(task: StageTask, truth: tuple[StageTruth, ...], seed: int) -> CausalGraph:
     """The strong edges as a graph, what a perfect discovery would find; `env_steps` is what asking took."""
     stages = []
     for stage in truth:
@@ -108,17 +105,17 @@ def oracle_graph(task: Task, truth: tuple[StageTruth, ...], seed: int) -> Causal
 
 
 def _stage_truth(
-    task: Task,
-    scene: Scene,
+    worlds: Worlds,
     stage: int,
     states: int,
     seed: int,
     on_progress: Callable[[float, str], None],
     action_repeat: int,
 ) -> StageTruth:
+    task, before = worlds.task, worlds.env_steps
     terms = task.stage_terms(stage, discoverable_only=True)
     rng = np.random.default_rng([seed, stage])
-    walk = Walk(task, scene, stage, rng, SEQUENCE_LENGTH, action_repeat)
+    walk = Walk(worlds, stage, rng, SEQUENCE_LENGTH, action_repeat)
     k = len(task.actions)
     rewards = np.empty((states, k + 2, len(terms)))
     sequence = np.zeros(states, dtype=np.int64)
@@ -129,5 +126,6 @@ def _stage_truth(
     squares = np.square(rewards[:, 1:] - rewards[:, :1])
     effect, low, high = effects(rewards[:, 0], squares, sequence, rng, CONFIDENCE)
     return StageTruth(
-        stage, task.actions, terms, effect[1:], low[1:], high[1:], effect[0], walk.exact, states, action_repeat
-    )
+        stage, task.actions, terms, effect[1:], low[1:], high[1:], effect[0], walk.exact, states,
+        worlds.env_steps - before, action_repeat,
+    )  # fmt: skip

@@ -18,8 +18,8 @@ from causalbench.core.learners.ppo.agent import PPOAgent
 from causalbench.core.learners.ppo.rollout import Rollout, Steps
 from causalbench.core.learners.ppo.settings import PPOSettings
 from causalbench.core.networks.state import State, below, prefixed
-from causalbench.core.staged.env import Observation
-from causalbench.core.tasks.task import Task
+from causalbench.core.staged.observation import Observation
+from causalbench.core.tasks.stage_task import StageTask
 
 
 class StagedPPO:
@@ -27,7 +27,7 @@ class StagedPPO:
 
     def __init__(
         self,
-        task: Task,
+        task: StageTask,
         method: Method,
         graph: CausalGraph | None,
         scale: ObservationScale,
@@ -65,7 +65,7 @@ class StagedPPO:
         self, obs: Observation, actions: NDArray[Any], infos: Mapping[str, Any], over: NDArray[np.bool_]
     ) -> None:
         """Algorithm 3, "collecting state, action, and reward data"; leaving the stage ends its agent's episode."""
-        done = (infos["next_stage"] != infos["stage"]) | infos["is_success"]
+        done = (infos["next_stage"] != infos["stage"]) | infos["terminated"]
         self.rollout.add(
             Steps(
                 self.scale(obs),

@@ -18,8 +18,8 @@ from causalbench.core.learners.sac.agent import SACAgent
 from causalbench.core.learners.sac.buffer import Batch
 from causalbench.core.learners.sac.settings import SACSettings
 from causalbench.core.networks.state import State, below, prefixed
-from causalbench.core.staged.env import Observation
-from causalbench.core.tasks.task import Task
+from causalbench.core.staged.observation import Observation
+from causalbench.core.tasks.stage_task import StageTask
 
 
 class StagedSAC:
@@ -27,7 +27,7 @@ class StagedSAC:
 
     def __init__(
         self,
-        task: Task,
+        task: StageTask,
         method: Method,
         graph: CausalGraph | None,
         scale: ObservationScale,
@@ -75,7 +75,7 @@ class StagedSAC:
         `over` does not matter: time limits bootstrap.
         """
         inputs, next_inputs = self.scale(obs), self.scale(infos["final_obs"])
-        done = (infos["next_stage"] != infos["stage"]) | infos["is_success"]
+        done = (infos["next_stage"] != infos["stage"]) | infos["terminated"]
         for stage in set(infos["stage"].tolist()):
             rows = np.flatnonzero(infos["stage"] == stage)
             plan = self.plans[stage - 1]

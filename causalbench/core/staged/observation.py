@@ -1,0 +1,85 @@
+"""What agents see of scenes: facts to observations, and to the inputs of a model of the rewards."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+
+from causalbench.core.tasks.task import Task
+from causalbench.core.world.batch import BatchScene
+from causalbench.core.world.cameras import HEIGHT, WIDTH
+from causalbench.core.world.facts import Facts
+from causalbench.core.world.lidar import MAX_RANGE, N_RAYS
+from causalbench.core.world.scene import Scene, SceneSpec
+from causalbench.errors import UserError
+
+Observation = dict[str, Any]
+Observe = Literal["state", "paper"]
+"""What is observed: the state variables, or beside them what the paper's agents see, `StageTask.paper_sensor`."""
+
+
+class Observer:
+    """Facts to observations; `space` is a Dict of
+
+    - `state`: the paper's variables, float32, clipped to the task's bounds;
+    - `stage`: stage - 1, for routing;
+    - `gripper`: opening in metres, float32 (1,), in a task that observes it, unless `gripper` is False (the paper has
+      none);
+    - `lidar`: ranges in metres, float32 (220,), in a task that observes it;
+    - `rgb`: the picture of the camera "scene", uint8 (48, 64, 3), with `observe="paper"` in a task with that sensor.
+    """
+
+    def __init__(self, task: Task, spec: SceneSpec, gripper: bool, observe: Observe = "state") -> None:
+        sensor = task.sensor_in(observe)
+        if sensor and sensor not in spec.capabilities:
+            raise UserError(
+                f"backend {spec.backend!r} has no capability {sensor!r}, which the paper's observation of task "
+                f"{task.name!r} needs; `causalbench backends` lists those that have it"
+            )
+        self._task, self._names = task, tuple(sorted({sensor, *task.observes} - {"", "gripper"}))
+        self._gripper = gripper and "gripper" in task.observes
+        low, high = (bound.astype(np.float32) for bound in task.state_bounds(spec.workspace))
+        spaces: dict[str, gym.Space[Any]] = {
+            "state": gym.spaces.Box(low, high, dtype=np.float32),
+            "stage": gym.spaces.Discrete(task.n_stages),
+        }
+        if self._gripper:
+            spaces["gripper"] = gym.spaces.Box(0.0, spec.max_opening, (1,), np.float32)
+        self.space = gym.spaces.Dict(spaces | {name: SENSORS[name] for name in self._names})
+        # The opening is clipped together with the state, in one array that is the observation's own.
+        self._low, self._high = np.append(low, np.float32(0)), np.append(high, np.float32(spec.max_opening))
+
+    def __call__(self, facts: Facts, stage: NDArray[np.int64], world: Scene | BatchScene) -> Observation:
+        """The observation of `facts` in `stage`; `world` is asked for what is sensed beside them."""
+        values = np.empty((*facts.gripper_opening.shape, len(self._low)), dtype=np.float32)
+        values[..., :-1] = self._task.observe(facts)
+        values[..., -1] = facts.gripper_opening
+        np.maximum(values, self._low, out=values)
+        np.minimum(values, self._high, out=values)
+        obs: Observation = {"state": values[..., :-1], "stage": stage - 1}
+        if self._gripper:
+            obs["gripper"] = values[..., -1:]
+        for name in self._names:
+            obs[name] = sense(world, name)
+        return obs
+
+
+SENSORS: dict[str, gym.spaces.Box] = {
+    "lidar": gym.spaces.Box(0.0, MAX_RANGE, (N_RAYS,), np.float32),
+    "rgb": gym.spaces.Box(0, 255, (HEIGHT, WIDTH, 3), np.uint8),
+}
+"""What can be sensed beside the facts, and the space of it in one world."""
+
+
+def sense(world: Scene | BatchScene, sensor: str) -> NDArray[Any]:
+    """What `sensor`, one of `SENSORS`, says now."""
+    return world.render(WIDTH, HEIGHT) if sensor == "rgb" else world.lidar().astype(np.float32)
+
+
+def model_inputs(task: Task, facts: Facts) -> NDArray[np.float32]:
+    """(..., n_state + 1) what a model of the rewards sees of the state: all that they depend on."""
+    opening = np.asarray(facts.gripper_opening)[..., None]
+    return np.concatenate([task.observe(facts), opening], axis=-1).astype(np.float32)

@@ -1,0 +1,174 @@
+"""Staged worlds that are scenes: `Task` x `Scene`, one alone or a batch."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from causalbench.core.staged.observation import Observation, Observe, Observer, model_inputs, sense
+from causalbench.core.staged.starts import draw_starts
+from causalbench.core.staged.worlds import Origin, Step, Worlds
+from causalbench.core.tasks.task import Task
+from causalbench.core.world.batch import BatchScene, SceneList, make_batch, select
+from causalbench.core.world.capabilities import Capability
+from causalbench.core.world.facts import Facts
+from causalbench.core.world.layout import Layout
+from causalbench.core.world.scene import Scene, SceneSpec
+from causalbench.errors import UserError
+
+Array = NDArray[np.float64]
+
+EVERY_SCENE = frozenset({Capability.RESTORE, Capability.STAGE_RESET, Capability.EXPERT})
+"""What staged worlds can do since every scene and every task over scenes can."""
+
+
+def make_scene_worlds(task: Task, make_scene: Callable[[], Scene], n: int | None = None) -> SceneWorlds:
+    """New worlds of `task` in one scene, or in `n` that step together: with two arguments bound, a `MakeWorlds`."""
+    return SceneWorlds(task, make_scene() if n is None else make_batch(make_scene, n))
+
+
+class Snapshot(bytes):
+    """A scene's snapshot, with what was known of the world then: returning to it need not read that again."""
+
+    facts: Facts
+    stage: NDArray[np.int64]
+
+
+class SceneWorlds(Worlds):
+    """A task in one scene, shape (), or in the n worlds of a batch, shape (n,).
+
+    `scene` is that scene or batch, `facts` what holds now, and `layouts` are the starts of the worlds that were reset,
+    which are the expert's maps.
+    """
+
+    facts: Facts
+
+    def __init__(self, task: Task, scene: Scene | BatchScene) -> None:
+        self.task: Task = task
+        self.scene, self.spec = scene, scene.spec
+        self._columns = action_columns(task, scene.spec)
+        self._batch = scene if isinstance(scene, BatchScene) else SceneList([scene])
+        self.shape = (scene.n,) if isinstance(scene, BatchScene) else ()
+        self.layouts: dict[int, Layout] = {}
+        self.origin = origin_of(scene.spec)
+        self.identity = dataclasses.asdict(scene.spec) | {"capabilities": sorted(scene.spec.capabilities)}
+        self.capabilities = scene.spec.capabilities | EVERY_SCENE
+        self.render_fps = round(1 / scene.spec.control_dt)
+        self.stage = np.zeros(self.shape, dtype=np.int64)
+        self._full = np.zeros((*self.shape, len(scene.spec.actions)))
+        self.choose_observation()
+
+    def reset(self, worlds: Sequence[int], rngs: Sequence[np.random.Generator], stage: int | None = None) -> None:
+        """See `Worlds`."""
+        self.layouts |= zip(worlds, draw_starts(self.task, self._batch, worlds, rngs, stage), strict=True)
+        self._read()
+
+    def _read(self) -> None:
+        """Read what holds now."""
+        self.facts = self.scene.facts()
+        self.stage = self.task.stage(self.facts)
+
+    def _step(self, actions: Array, repeat: int) -> Step:
+        """See `Worlds`."""
+        self._full[..., self._columns] = actions
+        for _ in range(repeat):
+            self.scene.step(self._full)
+        before, self.facts = self.facts, self.scene.facts()
+        return judge(self.task, self.stage, before, actions, self.facts)
+
+    def states(self) -> NDArray[np.float32]:
+        """See `Worlds`."""
+        return model_inputs(self.task, self.facts)
+
+    def sense(self, sensor: str) -> NDArray[Any]:
+        """See `Worlds`."""
+        if not sensor:
+            return np.empty((*self.shape, 0), np.uint8)
+        return sense(self.scene, sensor).reshape(*self.shape, -1)
+
+    def choose_observation(self, gripper: bool = True, observe: Observe = "state") -> None:
+        """See `Worlds`."""
+        self._observer = Observer(self.task, self.spec, gripper, observe)
+        self.observation_space = self._observer.space
+
+    def observe(self) -> Observation:
+        """See `Worlds`."""
+        return self._observer(self.facts, self.stage, self.scene)
+
+    def snapshot(self, world: int) -> bytes:
+        """See `Worlds`."""
+        if not isinstance(self.scene, BatchScene):
+            taken = Snapshot(self.scene.snapshot())
+            taken.facts, taken.stage = self.facts, self.stage
+            return taken
+        if isinstance(self.scene, SceneList):
+            return self.scene.scenes[world].snapshot()
+        return self.scene.snapshots()[world]
+
+    def restore(self, worlds: Sequence[int], snapshots: Sequence[bytes]) -> None:
+        """See `Worlds`."""
+        if isinstance(self._batch, SceneList):
+            for world, snapshot in zip(worlds, snapshots, strict=True):
+                self._batch.scenes[world].restore(snapshot)
+        else:
+            named = dict(enumerate(self._batch.snapshots())) | dict(zip(worlds, snapshots, strict=True))
+            self._batch.restore([named[world] for world in range(self.n)])
+        if not self.shape and isinstance(snapshots[0], Snapshot):
+            self.facts, self.stage = snapshots[0].facts, snapshots[0].stage
+        else:
+            self._read()
+
+    def expert(self, worlds: Sequence[int] | None = None) -> Array:
+        """See `Worlds`."""
+        if not self.shape:
+            return self.task.expert(self.facts, self.spec, self.layouts.get(0))
+        chosen = np.arange(self.n) if worlds is None else np.asarray(worlds)
+        known = all(world in self.layouts for world in chosen.tolist())
+        maps = [self.layouts[world] for world in chosen.tolist()] if known else None
+        return self.task.expert(select(self.facts, chosen), self.spec, maps)
+
+    def after_success(self, world: int) -> bool | None:
+        """See `Worlds`."""
+        if self.task.after_success is None:
+            return None
+        if not isinstance(self._batch, SceneList):
+            raise UserError(f"a success in one of {self.n} worlds that only step together cannot be tested")
+        stood = self.task.after_success(self._batch.scenes[world])
+        self._read()
+        return stood
+
+    def render(self, width: int, height: int) -> NDArray[np.uint8]:
+        """See `Worlds`."""
+        return self.scene.render(width, height, self.task.camera)
+
+    def close(self) -> None:
+        """See `Worlds`."""
+        self.scene.close()
+
+
+def judge(task: Task, stage: NDArray[np.int64], before: Facts, actions: Array, now: Facts) -> Step:
+    """What the change by `actions` from `before`, in `stage` = U(before), to `now` meant to `task`."""
+    next_stage, success = task.stage(now), task.success(stage, now)
+    rewards = task.rewards(before, stage, actions, now, next_stage)
+    return Step(stage, next_stage, rewards, success, (next_stage < stage) & ~success, np.zeros(np.shape(success), bool))
+
+
+def origin_of(spec: SceneSpec) -> Origin:
+    """What scenes of `spec` are made of."""
+    return Origin(f"{spec.backend} {spec.backend_version}", f"{spec.engine} {spec.engine_version}", spec.robot)
+
+
+def action_columns(task: Task, spec: SceneSpec) -> NDArray[np.int64]:
+    """Where each task action stands in the scene's action vector; a `UserError` names what is missing."""
+    missing = [a for a in task.actions if a not in spec.actions]
+    lacking = sorted(task.requires - spec.capabilities)
+    if missing or lacking:
+        raise UserError(
+            f"backend {spec.backend!r} cannot run task {task.name!r}: missing actions {missing}, "
+            f"missing capabilities {lacking}"
+        )
+    return np.array([spec.actions.index(a) for a in task.actions])

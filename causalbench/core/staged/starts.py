@@ -1,0 +1,70 @@
+"""Starts of a task over scenes: drawn again until the scene takes one that the task means."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from causalbench.core.tasks.task import Task
+from causalbench.core.world.batch import BatchScene
+from causalbench.core.world.facts import Facts
+from causalbench.core.world.layout import Layout
+from causalbench.errors import LayoutDrawError, UnreachableLayoutError
+
+MAX_DRAWS = 200
+"""Starts that may be refused in a row before a reset gives up."""
+
+
+def draw_starts(
+    task: Task, batch: BatchScene, worlds: Sequence[int], rngs: Sequence[np.random.Generator], stage: int | None = None
+) -> list[Layout]:
+    """Reset some worlds of `batch`, each to a start drawn from its own generator; the starts, in the order of `worlds`.
+
+    A start is drawn again until it is reachable, free of contact and lies inside `stage` (any if None); it holds the
+    object only in a stage of `task.held_starts`. Raises `LayoutDrawError` after `MAX_DRAWS` refused draws.
+    """
+    pending = list(zip(worlds, rngs, strict=True))
+    layouts: dict[int, Layout] = {}
+    refusal = "none"
+    for _ in range(MAX_DRAWS):
+        placed = []
+        for world, rng in pending:
+            try:
+                layouts[world] = _place(task, batch, world, rng, stage or 1)
+                placed.append(world)
+            except UnreachableLayoutError as error:
+                refusal = str(error)
+        good: set[int] = set()
+        if placed:  # a world that refused its first start has no facts yet
+            usable = _usable(task, batch.facts_of(placed), stage)
+            good = {world for world, fine in zip(placed, usable, strict=True) if fine}
+        pending = [(world, rng) for world, rng in pending if world not in good]
+        if not pending:
+            return [layouts[world] for world in worlds]
+    raise _no_start(task, batch, stage, refusal)
+
+
+def _place(task: Task, batch: BatchScene, world: int, rng: np.random.Generator, stage: int) -> Layout:
+    """Draw a layout and put the world into it. Raises `UnreachableLayoutError`."""
+    layout = task.draw_layout(rng, batch.spec.workspace, batch.spec.max_opening, stage)
+    batch.reset(world, layout)
+    return layout
+
+
+def _usable(task: Task, facts: Facts, stage: int | None) -> NDArray[np.bool_]:
+    """(n,) which starts are free of contact, hold nothing that they may not, and lie inside `stage`."""
+    inside = task.stage(facts)
+    held = facts.holding & ~np.isin(inside, list(task.held_starts))
+    usable: NDArray[np.bool_] = ~(facts.collision_base | facts.collision_arm | facts.collision_self | held)
+    return usable if stage is None else usable & (inside == stage)
+
+
+def _no_start(task: Task, batch: BatchScene, stage: int | None, refusal: str) -> LayoutDrawError:
+    where = "" if stage is None else f" in stage {stage}"
+    return LayoutDrawError(
+        f"task {task.name!r} found no start{where} on backend {batch.spec.backend!r} in {MAX_DRAWS} draws: "
+        f"each was refused by the scene, in contact or in another stage. The last refusal: {refusal}. The declared "
+        f"workspace: {batch.spec.workspace}"
+    )

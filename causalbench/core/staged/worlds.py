@@ -1,0 +1,156 @@
+"""THE step: worlds of one staged task, the only place where an action becomes a judged transition.
+
+Environments, discovery, the oracle, evaluation and conformance all go through `Worlds.step`. What the worlds are made
+of is up to two classes: `SceneWorlds`, a task over scenes, and `GymWorlds`, any Gymnasium environment.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+
+from causalbench.core.staged.observation import Observation, Observe
+from causalbench.core.tasks.stage_task import StageTask
+from causalbench.core.world.capabilities import Capability
+from causalbench.core.world.scene import check_action
+from causalbench.errors import UserError
+
+Array = NDArray[np.float64]
+
+
+class Step(NamedTuple):
+    """What one step meant to the task; every field has the worlds' shape."""
+
+    stage: NDArray[np.int64]  # U(s) before it, from 1; the rewards belong to it
+    next_stage: NDArray[np.int64]  # U(s') after it
+    rewards: Array  # (*shape, n_terms), 0 for terms that are not active in `stage`
+    success: NDArray[np.bool_]  # the task's verdict
+    reversal: NDArray[np.bool_]  # U(s') < U(s) on a step that is not success
+    ended: NDArray[np.bool_]  # the world cannot go on: it must be reset before the next step
+
+
+@dataclass(frozen=True)
+class Origin:
+    """What the worlds are made of: names with versions."""
+
+    backend: str
+    engine: str
+    robot: str
+
+
+class Worlds(ABC):
+    """Worlds of one staged task that step together, of `shape` () for one or (n,) for several.
+
+    - `stage`: U(s) of every world, int64 (*shape), from 1;
+    - `origin` for people and tables, `identity` as JSON data: all that two runs must share to be comparable;
+    - `capabilities`: what the worlds can do, see `Capability`;
+    - `env_steps`: control steps taken so far in all worlds together, whoever asked for them;
+    - `render_fps`: control steps a second, for films;
+    - `observation_space`: of one world, see `choose_observation`.
+    """
+
+    task: StageTask
+    shape: tuple[int, ...]
+    origin: Origin
+    identity: Mapping[str, Any]
+    capabilities: frozenset[Capability]
+    render_fps: int
+    observation_space: gym.spaces.Dict
+    stage: NDArray[np.int64]
+    env_steps: int = 0
+
+    @property
+    def n(self) -> int:
+        """How many worlds."""
+        return self.shape[0] if self.shape else 1
+
+    @abstractmethod
+    def reset(self, worlds: Sequence[int], rngs: Sequence[np.random.Generator], stage: int | None = None) -> None:
+        """Put some worlds into starts, each drawn from its own generator; inside `stage`, any if None.
+
+        Raises `LayoutDrawError` when no such start is found.
+        """
+
+    def step(self, actions: Array, repeat: int = 1) -> Step:
+        """Hold `actions` (*shape, n_actions), in [-1, 1], for `repeat` control steps and judge what came of it.
+
+        Raises `InvalidActionError` before anything moves.
+        """
+        step = self._step(check_action(actions, (*self.shape, len(self.task.actions))), repeat)
+        self.stage = step.next_stage
+        self.env_steps += self.n * repeat
+        return step
+
+    @abstractmethod
+    def _step(self, actions: Array, repeat: int) -> Step:
+        """Move the worlds by checked `actions` and judge the change from what was before."""
+
+    @abstractmethod
+    def states(self) -> NDArray[np.float32]:
+        """(*shape, n_inputs) all that the rewards depend on, as a model of them sees it; see `task.input_names`."""
+
+    @abstractmethod
+    def sense(self, sensor: str) -> NDArray[Any]:
+        """(*shape, size) what a sensor, "rgb" or "lidar", says; size 0 for "".
+
+        Raises `UserError` where there is none such.
+        """
+
+    @abstractmethod
+    def choose_observation(self, gripper: bool = True, observe: Observe = "state") -> None:
+        """Choose what `observe` returns: with the gripper's opening or without, and what the paper's agents see or not.
+
+        Raises `UserError` for a sensor that the worlds do not have.
+        """
+
+    @abstractmethod
+    def observe(self) -> Observation:
+        """What an agent sees of every world now, each entry with leading dimensions `shape`."""
+
+    @abstractmethod
+    def snapshot(self, world: int) -> bytes:
+        """All of one world's state, for `restore`; needs the capability `RESTORE`."""
+
+    @abstractmethod
+    def restore(self, worlds: Sequence[int], snapshots: Sequence[bytes]) -> None:
+        """Return some worlds, each to a snapshot of any world of equal `identity`, also of another process."""
+
+    @abstractmethod
+    def expert(self, worlds: Sequence[int] | None = None) -> Array:
+        """The scripted expert's actions, (*shape, n_actions), or (len(worlds), n_actions) of some worlds alone.
+
+        Needs the capability `EXPERT`.
+        """
+
+    def after_success(self, world: int) -> bool | None:
+        """Put a success of one world to the task's own test, which steps it; None where nothing follows a success."""
+        return None
+
+    @abstractmethod
+    def render(self, width: int, height: int) -> NDArray[np.uint8]:
+        """What people see: RGB pictures (*shape, height, width, 3); needs the capability `RGB`."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Release what the worlds hold; may be called twice."""
+
+    def require(self, capability: Capability, purpose: str) -> None:
+        """Raise a `UserError` that says what for, unless the worlds have `capability`."""
+        if capability not in self.capabilities:
+            raise UserError(
+                f"{purpose} needs the capability {capability!r}, and {self.origin.backend} does not have it "
+                f"in task {self.task.name!r}"
+            )
+
+
+class MakeWorlds(Protocol):
+    """Makes new worlds: `make_worlds()` one of shape (), `make_worlds(n)` several of shape (n,). Best picklable."""
+
+    def __call__(self, n: int | None = None) -> Worlds:
+        """New worlds, not reset yet."""
