@@ -13,18 +13,10 @@ from causalbench.core.discovery.settings import DiscoverySettings
 from causalbench.core.learners.methods import Method
 from causalbench.core.learners.settings import EvaluationSettings
 from causalbench.digests import content_hash
+from causalbench.suite.task_identity import TaskIdentity
 
 GridPoint = Mapping[str, Any]
 """The settings of a suite's grid that reached a cell: dotted key -> value. Empty without a grid."""
-
-
-@dataclass(frozen=True)
-class TaskIdentity:
-    """A task as it enters a cell."""
-
-    name: str
-    version: int
-    constants: Mapping[str, float]
 
 
 @dataclass(frozen=True)

@@ -15,12 +15,13 @@ from causalbench.core.tasks.stage_task import StageTask
 from causalbench.errors import SuiteError, UnknownNameError, UserError
 from causalbench.plugins.backends import Backend
 from causalbench.plugins.manager import Plugins
-from causalbench.suite.cells import BackendIdentity, Cell, DiscoveryCell, LearnerCell, TaskIdentity
+from causalbench.suite.cells import BackendIdentity, Cell, DiscoveryCell, LearnerCell
 from causalbench.suite.grid import Combination, combinations, layer_of
 from causalbench.suite.positions import Location
 from causalbench.suite.schema import DiscoveryLayer, PerBackend, PerMethod, SuiteFile
 from causalbench.suite.sections import Patch
 from causalbench.suite.selection import Selection, choose
+from causalbench.suite.task_identity import task_identity
 
 MAX_CELLS = 100_000
 
@@ -70,7 +71,7 @@ class _Planner:
         self.tier_name = tier_name
         self.tier = next(tier for name, tier in file.suite.tiers.items() if name == tier_name)
         self.task: StageTask = self._named(("task",), partial(plugins.task, file.suite.task))
-        self.task_identity = TaskIdentity(self.task.name, self.task.version, dict(self.task.constants))
+        self.task_identity = task_identity(self.task)
 
     def check_number(self, of_each_combination: int) -> None:
         """Refuse a plan that nobody can run. Raises `SuiteError`."""

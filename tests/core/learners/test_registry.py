@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, fields
 
 import pytest
+from scenes import worlds_of
 from training import METHOD
 
 from causalbench.core.kinematic import make
@@ -57,7 +58,7 @@ def test_every_method_names_a_learner_and_every_learner_has_a_preset_of_each_nam
 @pytest.mark.parametrize(("settings", "gripper"), [(Plain(), True), (LEARNERS["SAC"].presets["paper"], False)])
 def test_environments_of_a_problem_observe_what_its_settings_say(settings: object, gripper: bool) -> None:
     problem = TrainingProblem(
-        TASK, make, METHOD["mSAC"], None, settings, EvaluationSettings(), 10, 0, nothing, nothing
+        TASK, worlds_of(TASK, make), METHOD["mSAC"], None, settings, EvaluationSettings(), 10, 0, nothing, nothing
     )  # fmt: skip
     one, many = problem.env(), problem.vector_env(3)
     assert ("gripper" in one.observation_space.spaces) == gripper

@@ -1,0 +1,90 @@
+"""A task as it enters a cell: everything in it that can change a number."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import hashlib
+import inspect
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import ModuleType
+from typing import Any
+
+from causalbench.core.kinematic.task_trace import trace_hash
+from causalbench.core.tasks.stage_task import StageTask
+from causalbench.core.tasks.task import Task
+from causalbench.errors import CausalbenchError
+
+IDENTIFIERS = ("name", "version")
+
+
+@dataclass(frozen=True)
+class TaskIdentity:
+    """A task's name and version, its data, and what its functions do.
+
+    `data` are the fields of the task that hold no function: constants, terms, actions, the human's graph and so on.
+    `behaviour` is the hash of its trace on the kinematic backend, or of the source of its functions' modules where that
+    backend cannot run it.
+    """
+
+    name: str
+    version: int
+    data: Mapping[str, Any]
+    behaviour: str
+
+
+@functools.lru_cache(maxsize=64)
+def _behaviour(key: _ByIdentity) -> str:
+    task = key.task
+    if isinstance(task, Task):
+        try:
+            return f"trace {trace_hash(task)}"
+        except CausalbenchError:  # other actions or capabilities than the kinematic backend's
+            pass
+    return f"source {_source_hash(task)}"
+
+
+@dataclass(frozen=True, eq=False)
+class _ByIdentity:
+    """A task as a key of a cache: tasks hold mappings, which cannot be hashed."""
+
+    task: StageTask
+
+    def __hash__(self) -> int:
+        return id(self.task)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _ByIdentity) and other.task is self.task
+
+
+def task_identity(task: StageTask) -> TaskIdentity:
+    """The identity of `task`."""
+    return TaskIdentity(task.name, task.version, task_data(task), _behaviour(_ByIdentity(task)))
+
+
+def task_data(task: StageTask) -> dict[str, Any]:
+    """The fields of `task` that hold no function, beside its name and version, as JSON data."""
+    fields = {field.name: getattr(task, field.name) for field in dataclasses.fields(task)}
+    return {name: _data(value) for name, value in fields.items() if name not in IDENTIFIERS and not callable(value)}
+
+
+def _data(value: Any) -> Any:
+    """Plain data of records, sets, mappings, tuples and arrays."""
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {field.name: _data(getattr(value, field.name)) for field in dataclasses.fields(value)}
+    if isinstance(value, Mapping):
+        return {str(key): _data(item) for key, item in value.items()}
+    if isinstance(value, frozenset | set):
+        return sorted(map(str, value))
+    if isinstance(value, tuple | list):
+        return [_data(item) for item in value]
+    return value.tolist() if hasattr(value, "tolist") else value
+
+
+def _source_hash(task: StageTask) -> str:
+    """Of the sources of every module that a function of the task comes from."""
+    functions = [getattr(task, field.name) for field in dataclasses.fields(task)]
+    modules = {inspect.getmodule(function) for function in functions if callable(function)}
+    texts = sorted(inspect.getsource(module) for module in modules if isinstance(module, ModuleType))
+    return hashlib.sha256("\n".join(texts).encode()).hexdigest()[:16]
