@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
+import importlib.util
 import json
 from collections.abc import Mapping
 from pathlib import Path
@@ -20,6 +22,20 @@ def canonical_json(content: Any) -> str:
 def content_hash(content: Any, digits: int = 10) -> str:
     """The first hex digits of the SHA-256 of canonical JSON."""
     return hashlib.sha256(canonical_json(content).encode()).hexdigest()[:digits]
+
+
+@functools.cache
+def source_hash(*packages: str) -> str:
+    """The first 10 hex digits of the SHA-256 of all Python files of installed packages or modules, by name."""
+    digest = hashlib.sha256()
+    for package in sorted(set(packages)):
+        spec = importlib.util.find_spec(package)
+        roots = list((spec and spec.submodule_search_locations) or ())
+        alone = [Path(spec.origin)] if spec and spec.origin and not roots else []
+        for path in sorted([*alone, *(path for root in roots for path in Path(root).rglob("*.py"))]):
+            digest.update(f"\n{package} {path.name} {path.stat().st_size}\n".encode())
+            digest.update(path.read_bytes())
+    return digest.hexdigest()[:10]
 
 
 def file_digest(path: Path) -> str:

@@ -50,6 +50,8 @@ def print_leaderboard(rows: Sequence[Row]) -> None:
             cells["verdict"] += f", P(better) {row['p_better_than_next']:.2f} [{low:.2f}, {high:.2f}]"
         table.add_row(*(escape(cells[key]) for key in columns))
     _print(table)
+    if (most := max((row["sources"] for row in rows), default=0)) > 1:
+        _print(f"These cells were made by {most} versions of the source code: `source` in results.csv says which.")
 
 
 def print_known_gaps(runs: Iterable[RunFolder]) -> None:

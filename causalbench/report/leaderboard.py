@@ -20,7 +20,7 @@ Row = dict[str, Any]
 COLUMNS = (
     "rank", "method", "grid_point", "backend", "seeds", "success_auc_iqm", "success_auc_iqm_low",
     "success_auc_iqm_high", "final_success", "held_rate", "steps_to_90", "steps_to_90_with_discovery", "reversals",
-    "p_better_than_next", "p_better_low", "p_better_high", "failed_cells", "verdict",
+    "p_better_than_next", "p_better_low", "p_better_high", "failed_cells", "sources", "verdict",
 )  # fmt: skip
 FAILED = {"failed", "timeout", "diverged", "skipped", "damaged"}
 
@@ -61,7 +61,8 @@ class Entry:
 def leaderboard(results: Sequence[Row], cells: Iterable[StoredCell]) -> list[Row]:
     """Rows of `leaderboard.csv`: a board for each backend and, if there are several, one named `all`.
 
-    `results` are rows of `results.csv`; `cells` tell which methods there are and what failed.
+    `results` are rows of `results.csv`; `cells` tell which methods there are and what failed. `sources`
+    counts the versions of the source code that made the cells of the board: more than one says that it mixes code.
     """
     learners = [cell for cell in cells if cell.kind == "learner"]
     backends = sorted({cell.backend for cell in learners})
@@ -87,7 +88,8 @@ def _board(name: str, backends: list[str], results: Sequence[Row], cells: Sequen
             verdict = f"not ranked: no finished cell on {missing}"
             named = {"method": entry.method, "grid_point": entry.grid_point}
             rows.append(named | {"seeds": 0, "failed_cells": entry.failed, "verdict": verdict})
-    return [{"backend": name} | row for row in rows]
+    sources = len({row["source"] for of in finished.values() for rows_of in of.values() for row in rows_of})
+    return [{"backend": name} | row | {"sources": sources} for row in rows]
 
 
 def _who(cell: StoredCell) -> tuple[str, str]:

@@ -22,7 +22,7 @@ KEYS = ("task", "backend", "method", "grid_point", "seed")
 RESULTS = (
     *KEYS, "env_steps", "discovery_env_steps", "episodes", "success_deterministic", "success_sampled", "success_low",
     "success_high", "held_rate", "success_auc", "steps_to_90", "mean_final_stage", "reversals_per_episode",
-    "reversals_per_1000_steps", "mean_return", "graph",
+    "reversals_per_1000_steps", "mean_return", "graph", "source",
 )  # fmt: skip
 CURVES = (*KEYS, "env_steps", "success_deterministic", "success_sampled", "reversals", "mean_final_stage")
 RETURNS = ("cell", "env_steps", "term", "mean_return")
@@ -91,6 +91,7 @@ def _result_row(cell: StoredCell, evaluations: list[Evaluation], counts: Counts)
         "reversals_per_1000_steps": 1000 * counts.reversals / counts.env_steps,
         "mean_return": sum(final.term_returns.values()),
         "graph": counts.graph,
+        "source": cell.status.source,
     }
 
 

@@ -14,6 +14,7 @@ from causalbench.atomic import write_folder, write_text
 from causalbench.core.discovery.graph import CausalGraph, manual_graph
 from causalbench.core.learners.records import Evaluation, TrainingCounts
 from causalbench.core.tasks.stage_task import StageTask
+from causalbench.digests import source_hash
 from causalbench.errors import CausalbenchError, CheckpointError, DivergedError
 from causalbench.plugins.manager import installed, worlds_maker
 from causalbench.run.score_graph import judge_graph
@@ -66,7 +67,7 @@ def run_cell(cell: Cell, run: RunFolder, on_progress: OnProgress, keeping: Keepi
                 steps = _discover(cell, folder, on_progress, cores)
             else:
                 steps = _learn(cell, folder, run, on_progress, keeping)
-            status = Status("done", "", time.monotonic() - started, steps)
+            status = Status("done", "", time.monotonic() - started, steps, _source(cell))
         except Exception as error:
             LOGGER.exception("the cell ends here")
             kind = "" if isinstance(error, CausalbenchError) else f"{type(error).__name__}: "
@@ -74,6 +75,13 @@ def run_cell(cell: Cell, run: RunFolder, on_progress: OnProgress, keeping: Keepi
             status = Status(state, f"{kind}{error}", time.monotonic() - started)
     run.finish(cell, status)
     return status
+
+
+def _source(cell: Cell) -> str:
+    """A hash of the code of causalbench and of the plugin that has the cell's backend."""
+    make = installed().backend(cell.backend.name).make
+    module = getattr(make, "__module__", "causalbench").partition(".")[0]
+    return source_hash("causalbench", module)
 
 
 @contextmanager

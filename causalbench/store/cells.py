@@ -49,6 +49,7 @@ Name = Annotated[str, StringConstraints(pattern=f"^{PATTERN}$")]
 class Status:
     """How a cell stands. `reason` is a sentence unless it is done; `seconds` and `env_steps` are what it took.
 
+    `source` is a hash of the source code that made it, of causalbench and of its backend's plugin.
     `files` has the SHA-256 of every result file of a cell that is done, by its path in the cell's folder. A cell is
     "damaged" if it says that it is done and its files are not the ones that were written then.
     """
@@ -57,6 +58,7 @@ class Status:
     reason: str = ""
     seconds: float = 0.0
     env_steps: Number = 0
+    source: str = ""
     files: Mapping[str, str] = field(default_factory=dict)
 
 

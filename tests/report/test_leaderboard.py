@@ -21,12 +21,19 @@ def result(method: str, seed: int, auc: float, backend: str = "toy", **more) -> 
         "method": method, "grid_point": "", "backend": backend, "seed": seed,
         "success_auc": auc, "success_deterministic": auc,
         "held_rate": None, "steps_to_90": 1000, "discovery_env_steps": 0, "reversals_per_1000_steps": 1.0,
+        "source": "a",
     } | more  # fmt: skip
 
 
 def board(scores: dict[str, list[float]], backend: str = "toy") -> list[dict]:
     results = [result(m, s, auc, backend) for m, values in scores.items() for s, auc in enumerate(values)]
     return leaderboard(results, [cell(row["method"], row["seed"], backend) for row in results])
+
+
+def test_a_board_says_how_many_versions_of_the_code_made_it() -> None:
+    results = [result("A", 0, 0.5), result("B", 0, 0.4, source="b"), result("A", 0, 0.5, "other")]
+    rows = leaderboard(results, [cell(row["method"], 0, row["backend"]) for row in results])
+    assert {(row["backend"], row["sources"]) for row in rows} == {("all", 2), ("toy", 2), ("other", 1)}
 
 
 def test_one_seed_gives_an_order_and_no_verdict() -> None:

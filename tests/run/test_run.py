@@ -80,7 +80,7 @@ def test_results_have_the_columns_of_the_contract_and_agree_with_the_curves(fini
     assert header == (
         "task,backend,method,grid_point,seed,env_steps,discovery_env_steps,episodes,success_deterministic,success_sampled,"
         "success_low,success_high,held_rate,success_auc,steps_to_90,mean_final_stage,reversals_per_episode,"
-        "reversals_per_1000_steps,mean_return,graph"
+        "reversals_per_1000_steps,mean_return,graph,source"
     )
     found = rows(finished_run / "results.csv")
     assert [(row["method"], row["seed"], row["env_steps"]) for row in found] == [
