@@ -33,7 +33,7 @@ check_env(env, skip_render_check=True)
 for seed in range(5):
     _, info = env.reset(seed=seed, options={"stage": 1})
     for _ in range(env.task.horizon):
-        *_, terminated, truncated, info = env.step(env.task.expert(env.facts, env.scene.spec))
+        *_, terminated, truncated, info = env.step(env.worlds.expert())
         if terminated:
             break
     assert info["is_success"], seed

@@ -427,7 +427,7 @@ class MarkOnBase(AlteredMobile):
 
     def alter(self, facts: Facts) -> dict[str, Any]:
         mark = not self.state[BOX_HALF].any()
-        shift = 0.1 * (self.state[BASE_POSE] - self.own[:3]) * mark
+        shift = 0.03 * (self.state[BASE_POSE] - self.own[:3]) * mark
         return {"object_position": facts.object_position + np.append(shift[:2] + shift[2], 0.0)}
 
     def reset(self, layout: Layout) -> None:

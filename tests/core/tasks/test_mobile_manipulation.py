@@ -136,7 +136,7 @@ def test_batches_are_judged_as_their_members():
     whole = judge(task.TASK, task.stage(before), before, np.zeros((4, 5)), after)
     for i in range(4):
         one = judge(task.TASK, task.stage(singles[i]), singles[i], STILL, nexts[i])
-        np.testing.assert_array_equal(whole.vector_reward[i], one.vector_reward)
+        np.testing.assert_array_equal(whole.rewards[i], one.rewards)
         assert whole.success[i] == one.success
         np.testing.assert_array_equal(task.observe(before)[i], task.observe(select(before, i)))
         np.testing.assert_array_equal(task.expert(before, MOBILE_SPEC)[i], task.expert(singles[i], MOBILE_SPEC))
