@@ -13,10 +13,24 @@ from causalbench.core.discovery.settings import DiscoverySettings
 from causalbench.core.learners.methods import Method
 from causalbench.core.learners.settings import EvaluationSettings
 from causalbench.digests import content_hash
-from causalbench.suite.task_identity import TaskIdentity
 
 GridPoint = Mapping[str, Any]
 """The settings of a suite's grid that reached a cell: dotted key -> value. Empty without a grid."""
+
+
+@dataclass(frozen=True)
+class TaskIdentity:
+    """A task's name and version, its data, and what its functions do.
+
+    `data` are the fields of the task that hold no function: constants, terms, actions, the human's graph and so on.
+    `behaviour` is the hash of its trace on the kinematic backend, or of the source of its functions' modules where that
+    backend cannot run it.
+    """
+
+    name: str
+    version: int
+    data: Mapping[str, Any]
+    behaviour: str
 
 
 @dataclass(frozen=True)

@@ -15,23 +15,9 @@ from causalbench.core.kinematic.task_trace import trace_hash
 from causalbench.core.tasks.stage_task import StageTask
 from causalbench.core.tasks.task import Task
 from causalbench.errors import CausalbenchError
+from causalbench.suite.cells import TaskIdentity
 
 IDENTIFIERS = ("name", "version")
-
-
-@dataclass(frozen=True)
-class TaskIdentity:
-    """A task's name and version, its data, and what its functions do.
-
-    `data` are the fields of the task that hold no function: constants, terms, actions, the human's graph and so on.
-    `behaviour` is the hash of its trace on the kinematic backend, or of the source of its functions' modules where that
-    backend cannot run it.
-    """
-
-    name: str
-    version: int
-    data: Mapping[str, Any]
-    behaviour: str
 
 
 @functools.lru_cache(maxsize=64)
