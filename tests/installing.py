@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import os
 import subprocess
 import sys
@@ -21,3 +22,10 @@ def call(cwd: Path, site: Path, *arguments: str, **environment: str) -> subproce
     path = os.pathsep.join(filter(None, [str(site), os.environ.get("PYTHONPATH")]))
     environment = os.environ | {"PYTHONPATH": path} | environment
     return subprocess.run([sys.executable, "-m", *arguments], cwd=cwd, env=environment, capture_output=True, text=True)
+
+
+def imports_of_causalbench(*modules: Path) -> set[str]:
+    """The modules of causalbench that the files `modules` import names from."""
+    nodes = [node for path in modules for node in ast.walk(ast.parse(path.read_text()))]
+    found = {node.module or "" for node in nodes if isinstance(node, ast.ImportFrom)}
+    return {name for name in found if name.partition(".")[0] == "causalbench"}

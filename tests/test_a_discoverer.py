@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import ast
 import json
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
-from installing import call, install
+from installing import call, imports_of_causalbench, install
 from truth import TRUTH
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "a_discoverer"
@@ -24,8 +23,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_it_imports_from_causalbench_what_its_facade_offers() -> None:
-    imported = [node for node in ast.walk(ast.parse(MODULE.read_text())) if isinstance(node, ast.ImportFrom)]
-    assert {node.module for node in imported if node.module.startswith("causalbench")} == {"causalbench.discoverer"}
+    assert imports_of_causalbench(MODULE) == {"causalbench.discoverer"}
 
 
 def test_it_finds_what_moves_a_reward_and_shows_by_which_number(site: Path, tmp_path: Path) -> None:

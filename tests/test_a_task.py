@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import ast
 from pathlib import Path
 
 import pandas as pd
 import pytest
-from installing import call, install
+from installing import call, imports_of_causalbench, install
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "a_task"
 MODULE = EXAMPLE / "causalbench_hover.py"
@@ -21,8 +20,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_it_imports_from_causalbench_what_its_facade_offers() -> None:
-    imported = [node for node in ast.walk(ast.parse(MODULE.read_text())) if isinstance(node, ast.ImportFrom)]
-    assert {node.module for node in imported if node.module.startswith("causalbench")} == {"causalbench.task"}
+    assert imports_of_causalbench(MODULE) == {"causalbench.task"}
 
 
 SOLVES = """

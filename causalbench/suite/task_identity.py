@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 import hashlib
 import inspect
 from collections.abc import Mapping
-from dataclasses import dataclass
 from types import ModuleType
 from typing import Any
 
@@ -20,39 +18,24 @@ from causalbench.suite.cells import TaskIdentity
 IDENTIFIERS = ("name", "version")
 
 
-@functools.lru_cache(maxsize=64)
-def _behaviour(key: _ByIdentity) -> str:
-    task = key.task
-    if isinstance(task, Task):
-        try:
-            return f"trace {trace_hash(task)}"
-        except CausalbenchError:  # other actions or capabilities than the kinematic backend's
-            pass
-    return f"source {_source_hash(task)}"
-
-
-@dataclass(frozen=True, eq=False)
-class _ByIdentity:
-    """A task as a key of a cache: tasks hold mappings, which cannot be hashed."""
-
-    task: StageTask
-
-    def __hash__(self) -> int:
-        return id(self.task)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _ByIdentity) and other.task is self.task
-
-
 def task_identity(task: StageTask) -> TaskIdentity:
     """The identity of `task`."""
-    return TaskIdentity(task.name, task.version, task_data(task), _behaviour(_ByIdentity(task)))
+    return TaskIdentity(task.name, task.version, task_data(task), _behaviour(task))
 
 
 def task_data(task: StageTask) -> dict[str, Any]:
     """The fields of `task` that hold no function, beside its name and version, as JSON data."""
     fields = {field.name: getattr(task, field.name) for field in dataclasses.fields(task)}
     return {name: _data(value) for name, value in fields.items() if name not in IDENTIFIERS and not callable(value)}
+
+
+def _behaviour(task: StageTask) -> str:
+    if isinstance(task, Task):
+        try:
+            return f"trace {trace_hash(task)}"
+        except CausalbenchError:  # other actions or capabilities than the kinematic backend's
+            pass
+    return f"source {_source_hash(task)}"
 
 
 def _data(value: Any) -> Any:

@@ -52,10 +52,9 @@ class StageTaskVectorEnv(gym.vector.VectorEnv[Observation, NDArray[Any], NDArray
         """One control step of every world; see the class. Raises `InvalidActionError`."""
         step = self.worlds.step(actions)
         self._clock += 1
-        terminated = step.success | step.ended
-        truncated = (self._clock >= self.task.horizon) & ~terminated
+        truncated = (self._clock >= self.task.horizon) & ~step.success
         final_obs = obs = self.worlds.observe()
-        over = np.flatnonzero(terminated | truncated)
+        over = np.flatnonzero(step.success | truncated)
         if over.size:
             self._restart(over)
             obs = self.worlds.observe()
@@ -65,10 +64,9 @@ class StageTaskVectorEnv(gym.vector.VectorEnv[Observation, NDArray[Any], NDArray
             "next_stage": step.next_stage,
             "reversal": step.reversal,
             "is_success": step.success,
-            "terminated": terminated,
             "final_obs": final_obs,
         }
-        return obs, step.rewards.sum(1), terminated, truncated, infos
+        return obs, step.rewards.sum(1), step.success, truncated, infos
 
     def _restart(self, over: NDArray[np.int64]) -> None:
         self.worlds.reset(over.tolist(), [self._rngs[i] for i in over])

@@ -1,7 +1,7 @@
 """THE step: worlds of one staged task, the only place where an action becomes a judged transition.
 
 Environments, discovery, the oracle, evaluation and conformance all go through `Worlds.step`. What the worlds are made
-of is up to two classes: `SceneWorlds`, a task over scenes, and `GymWorlds`, any Gymnasium environment.
+of is up to the class: those of `SceneWorlds` are a task over scenes.
 """
 
 from __future__ import annotations
@@ -32,7 +32,6 @@ class Step(NamedTuple):
     rewards: Array  # (*shape, n_terms), 0 for terms that are not active in `stage`
     success: NDArray[np.bool_]  # the task's verdict
     reversal: NDArray[np.bool_]  # U(s') < U(s) on a step that is not success
-    ended: NDArray[np.bool_]  # the world cannot go on: it must be reset before the next step
 
 
 @dataclass(frozen=True)

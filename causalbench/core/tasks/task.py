@@ -51,9 +51,7 @@ class Task(StageTask):
     - `observes`: what is part of every observation beside the state, some of `OBSERVABLE`;
     - `after_success(scene)`: what a success is put to, such as lifting what was grasped, and whether it stood it; None
       where nothing follows. It steps the scene;
-    - `held_starts`: stages whose starts may hold the object; elsewhere a start that holds it is drawn again;
-    - `layout_facts(layout)`: constants of a start that the task reads from `Facts.extras`, each with the shape of one
-      world; None for nothing.
+    - `held_starts`: stages whose starts may hold the object; elsewhere a start that holds it is drawn again.
     """
 
     draw_layout: Callable[[np.random.Generator, Workspace, float, int], Layout]
@@ -69,7 +67,6 @@ class Task(StageTask):
     observes: frozenset[str] = frozenset()
     after_success: Callable[[Scene], bool] | None = None
     held_starts: frozenset[int] = frozenset()
-    layout_facts: Callable[[Layout], Mapping[str, Array]] | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
