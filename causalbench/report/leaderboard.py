@@ -88,8 +88,15 @@ def _board(name: str, backends: list[str], results: Sequence[Row], cells: Sequen
             verdict = f"not ranked: no finished cell on {missing}"
             named = {"method": entry.method, "grid_point": entry.grid_point}
             rows.append(named | {"seeds": 0, "failed_cells": entry.failed, "verdict": verdict})
-    sources = len({row["source"] for of in finished.values() for rows_of in of.values() for row in rows_of})
+    sources = _sources([row for row in results if row["backend"] in backends])
     return [{"backend": name} | row | {"sources": sources} for row in rows]
+
+
+def _sources(results: Sequence[Row]) -> int:
+    """Versions of the code behind `results`: of causalbench, or of one backend's plugin if that has more."""
+    of_causalbench = {row["source"].partition("-")[0] for row in results}
+    of_backends = Counter(backend for backend, _ in {(row["backend"], row["source"]) for row in results})
+    return max([len(of_causalbench), *of_backends.values()])
 
 
 def _who(cell: StoredCell) -> tuple[str, str]:

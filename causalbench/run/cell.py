@@ -78,10 +78,10 @@ def run_cell(cell: Cell, run: RunFolder, on_progress: OnProgress, keeping: Keepi
 
 
 def _source(cell: Cell) -> str:
-    """A hash of the code of causalbench and of the plugin that has the cell's backend."""
+    """Hashes of the code of causalbench and of the plugin that has the cell's backend, with a hyphen between."""
     make = installed().backend(cell.backend.name).make
-    module = getattr(make, "__module__", "causalbench").partition(".")[0]
-    return source_hash("causalbench", module)
+    plugin = getattr(make, "__module__", "causalbench").partition(".")[0]
+    return f"{source_hash('causalbench')}-{source_hash(plugin)}"
 
 
 @contextmanager

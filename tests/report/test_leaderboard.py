@@ -21,7 +21,7 @@ def result(method: str, seed: int, auc: float, backend: str = "toy", **more) -> 
         "method": method, "grid_point": "", "backend": backend, "seed": seed,
         "success_auc": auc, "success_deterministic": auc,
         "held_rate": None, "steps_to_90": 1000, "discovery_env_steps": 0, "reversals_per_1000_steps": 1.0,
-        "source": "a",
+        "source": "a-x",
     } | more  # fmt: skip
 
 
@@ -31,9 +31,16 @@ def board(scores: dict[str, list[float]], backend: str = "toy") -> list[dict]:
 
 
 def test_a_board_says_how_many_versions_of_the_code_made_it() -> None:
-    results = [result("A", 0, 0.5), result("B", 0, 0.4, source="b"), result("A", 0, 0.5, "other")]
-    rows = leaderboard(results, [cell(row["method"], 0, row["backend"]) for row in results])
-    assert {(row["backend"], row["sources"]) for row in rows} == {("all", 2), ("toy", 2), ("other", 1)}
+    def sources(*of: tuple[str, str, str]) -> dict[str, int]:
+        results = [result(method, 0, 0.5, backend, source=source) for method, backend, source in of]
+        rows = leaderboard(results, [cell(method, 0, backend) for method, backend, _ in of])
+        return {row["backend"]: row["sources"] for row in rows}
+
+    of_each = ("A", "x", "a-x"), ("A", "y", "a-y")  # every backend has a plugin of its own
+    assert sources(*of_each) == {"all": 1, "x": 1, "y": 1}
+    assert sources(*of_each, ("B", "x", "a-z")) == {"all": 2, "x": 2, "y": 1}
+    assert sources(*of_each, ("B", "x", "b-x")) == {"all": 2, "x": 2, "y": 1}
+    assert sources(of_each[0], ("A", "y", "b-y")) == {"all": 2, "x": 1, "y": 1}
 
 
 def test_one_seed_gives_an_order_and_no_verdict() -> None:
