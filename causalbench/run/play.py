@@ -75,7 +75,8 @@ def film_episode(policy: Policy, env: StageTaskEnv, seed: int, title: str) -> It
         obs, _, terminated, truncated, info = env.step(action)
         over, step = terminated or truncated, step + 1
         what = " (fell back)" if info["reversal"] else ""
-        verdict = ", SUCCESS" if terminated else ", out of time" if truncated else ""
+        ending = ", the end" if terminated else ", out of time" if truncated else ""
+        verdict = ", SUCCESS" if info["is_success"] else ending
         text = f"{title}: step {step}, stage {info['next_stage']} of {env.task.n_stages}{what}{verdict}"
         frame = _captioned(env, text)
         yield frame

@@ -23,7 +23,8 @@ class StageTaskEnv(gym.Env[Observation, NDArray[np.float32]]):
     Reward: the sum of the active terms. Reward vector: `info["vector_reward"]`, float64 (n_terms,), named
     `reward_names`, space `reward_space` (the MO-Gymnasium convention).
     `info` also has `stage` and `next_stage` (from 1, as in the paper), `reversal`, `is_success`.
-    `terminated` is the task's verdict, `truncated` the clock (`task.horizon` control steps).
+    `terminated` is the task's verdict, or the end of a world that cannot go on; `truncated` the clock (`task.horizon`
+    control steps).
     """
 
     metadata = {"render_modes": ["rgb_array"]}  # noqa: RUF012 - Gymnasium declares it as an instance variable
@@ -75,7 +76,7 @@ class StageTaskEnv(gym.Env[Observation, NDArray[np.float32]]):
             "reversal": bool(step.reversal),
             "is_success": bool(step.success),
         }
-        terminated = bool(step.success)
+        terminated = bool(step.terminated)
         truncated = self._clock >= self.task.horizon and not terminated
         return self.worlds.observe(), float(step.rewards.sum()), terminated, truncated, info
 

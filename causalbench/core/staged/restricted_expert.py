@@ -42,7 +42,7 @@ def solved_starts(
             step = worlds.step(chosen)
             ahead = running & ((step.next_stage > stage) | step.success)
             solved[first + np.flatnonzero(ahead)] = True
-            running &= ~ahead
+            running &= ~(ahead | step.terminated)
             if not running.any():
                 break
     return solved

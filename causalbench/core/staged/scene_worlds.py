@@ -154,7 +154,7 @@ def judge(task: Task, stage: NDArray[np.int64], before: Facts, actions: Array, n
     """What the change by `actions` from `before`, in `stage` = U(before), to `now` meant to `task`."""
     next_stage, success = task.stage(now), task.success(stage, now)
     rewards = task.rewards(before, stage, actions, now, next_stage)
-    return Step(stage, next_stage, rewards, success, (next_stage < stage) & ~success)
+    return Step(stage, next_stage, rewards, success, (next_stage < stage) & ~success, success)
 
 
 def origin_of(spec: SceneSpec) -> Origin:

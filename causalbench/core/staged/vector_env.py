@@ -52,9 +52,9 @@ class StageTaskVectorEnv(gym.vector.VectorEnv[Observation, NDArray[Any], NDArray
         """One control step of every world; see the class. Raises `InvalidActionError`."""
         step = self.worlds.step(actions)
         self._clock += 1
-        truncated = (self._clock >= self.task.horizon) & ~step.success
+        truncated = (self._clock >= self.task.horizon) & ~step.terminated
         final_obs = obs = self.worlds.observe()
-        over = np.flatnonzero(step.success | truncated)
+        over = np.flatnonzero(step.terminated | truncated)
         if over.size:
             self._restart(over)
             obs = self.worlds.observe()
@@ -64,9 +64,10 @@ class StageTaskVectorEnv(gym.vector.VectorEnv[Observation, NDArray[Any], NDArray
             "next_stage": step.next_stage,
             "reversal": step.reversal,
             "is_success": step.success,
+            "terminated": step.terminated,
             "final_obs": final_obs,
         }
-        return obs, step.rewards.sum(1), step.success, truncated, infos
+        return obs, step.rewards.sum(1), step.terminated, truncated, infos
 
     def _restart(self, over: NDArray[np.int64]) -> None:
         self.worlds.reset(over.tolist(), [self._rngs[i] for i in over])

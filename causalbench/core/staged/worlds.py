@@ -32,6 +32,7 @@ class Step(NamedTuple):
     rewards: Array  # (*shape, n_terms), 0 for terms that are not active in `stage`
     success: NDArray[np.bool_]  # the task's verdict
     reversal: NDArray[np.bool_]  # U(s') < U(s) on a step that is not success
+    terminated: NDArray[np.bool_]  # success, or a world that cannot go on: it must be reset before the next step
 
 
 @dataclass(frozen=True)

@@ -64,7 +64,7 @@ def collect(
         on_step(worlds.env_steps - told)
         told = worlds.env_steps
         length += 1
-        over = (step.next_stage != stage) | step.success | (length >= sequence_length) | ~sound
+        over = (step.next_stage != stage) | step.terminated | (length >= sequence_length) | ~sound
     states, acts, rewards, sequences, seen = (np.concatenate(column)[:count] for column in zip(*chunks, strict=True))
     steps, refused = worlds.env_steps - first, tried - collected
     return Samples(states, acts, rewards, sequences, steps, refused, sensor, (seen,) if sensor else ())

@@ -51,7 +51,8 @@ class Walk:
         self._left -= 1
         finished = int(step.next_stage) > self.stage or bool(step.success)
         fell_back = int(step.next_stage) < self.stage
-        self._over = finished or fell_back or self._left == 0 or not np.isfinite(reward).all()
+        out_of_it = finished or fell_back or bool(step.terminated)
+        self._over = out_of_it or self._left == 0 or not np.isfinite(reward).all()
         self.ended += self._over
         self.finished += finished
         self._after, self._elsewhere = self.worlds.snapshot(0), False

@@ -16,7 +16,7 @@ class Steps(NamedTuple):
     """Control steps in time order, n_steps of n_envs worlds each.
 
     `actions` are those that were drawn, before the environment's bounds clipped them. `stage` (1-based) is the one that
-    the step began in; `done` where it changed or the task succeeded, `over` where the task's episode ended.
+    the step began in; `done` where it changed or the world terminated, `over` where the task's episode ended.
     """
 
     obs: Tensor  # (n_steps, n_envs, n_obs)

@@ -65,7 +65,7 @@ class StagedPPO:
         self, obs: Observation, actions: NDArray[Any], infos: Mapping[str, Any], over: NDArray[np.bool_]
     ) -> None:
         """Algorithm 3, "collecting state, action, and reward data"; leaving the stage ends its agent's episode."""
-        done = (infos["next_stage"] != infos["stage"]) | infos["is_success"]
+        done = (infos["next_stage"] != infos["stage"]) | infos["terminated"]
         self.rollout.add(
             Steps(
                 self.scale(obs),

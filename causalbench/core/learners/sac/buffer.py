@@ -11,7 +11,7 @@ from causalbench.core.networks.state import State
 
 
 class Batch(NamedTuple):
-    """Sampled transitions, float32. `done` is 1 where the stage changed or the task succeeded, never at time limits."""
+    """Sampled transitions, float32. `done` is 1 where the stage changed or the world ended, never at time limits."""
 
     obs: Tensor  # (batch, n_obs)
     actions: Tensor  # (batch, n_actions) of the agent's own actions

@@ -75,7 +75,7 @@ class StagedSAC:
         `over` does not matter: time limits bootstrap.
         """
         inputs, next_inputs = self.scale(obs), self.scale(infos["final_obs"])
-        done = (infos["next_stage"] != infos["stage"]) | infos["is_success"]
+        done = (infos["next_stage"] != infos["stage"]) | infos["terminated"]
         for stage in set(infos["stage"].tolist()):
             rows = np.flatnonzero(infos["stage"] == stage)
             plan = self.plans[stage - 1]
