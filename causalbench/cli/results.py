@@ -1,4 +1,4 @@
-"""Commands that read run folders: `leaderboard`, `play`."""
+"""Commands that read run folders: `leaderboard`, `play`, `verify`."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from causalbench.cli.options import AsJson, Only, print_json
+from causalbench.cli.execution import use_one_thread_each
+from causalbench.cli.options import EXIT_FAILED, AsJson, Jobs, Only, cores, print_json
 
 
 def leaderboard(
@@ -43,3 +44,33 @@ def play(
     print_problems([folder])
     for path in play(folder, only or (), episodes):
         typer.echo(path)
+
+
+def verify(
+    run: Annotated[Path, typer.Argument(help="Run folder.")],
+    cells: Annotated[int, typer.Option(min=1, help="How many finished cells to run again.")] = 2,
+    seed: Annotated[int, typer.Option(min=0, help="Which ones are drawn.")] = 0,
+    jobs: Jobs = None,
+    as_json: AsJson = False,
+    quiet: Annotated[bool, typer.Option(help="Show no progress.")] = False,
+) -> None:
+    """Run a few cells of a run again, drawn at random, and say whether they come out the same, bit for bit."""
+    use_one_thread_each()
+    import dataclasses
+
+    from causalbench.cli.progress import choose_view
+    from causalbench.cli.terminal_tables import print_problems, print_verdicts, progress_console
+    from causalbench.plugins.manager import installed
+    from causalbench.run.verify import verify as verified
+    from causalbench.store.run_folder import RunFolder
+
+    folder = RunFolder(run)
+    print_problems([folder])
+    view = choose_view(quiet or as_json, progress_console())
+    verdicts, changes = verified(folder, installed(), cells, seed, jobs or cores(), view)
+    if as_json:
+        print_json({"cells": [dataclasses.asdict(verdict) for verdict in verdicts], "changed": changes})
+    else:
+        print_verdicts(verdicts, changes)
+    if not all(verdict.agrees for verdict in verdicts):
+        raise typer.Exit(EXIT_FAILED)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.markup import escape
@@ -17,6 +17,9 @@ from causalbench.plugins.manager import Plugins
 from causalbench.run.doctor import Finding
 from causalbench.store.cells import Status
 from causalbench.store.run_folder import RunFolder
+
+if TYPE_CHECKING:
+    from causalbench.run.verify import Verdict
 
 Row = Mapping[str, Any]
 
@@ -78,6 +81,17 @@ def print_unfinished(statuses: Mapping[str, Status], folder: Path) -> None:
         if status.state != "done":
             _print(f"{name}: {status.state}. {status.reason}")
     _print(f"Tables and policies: {folder}")
+
+
+def print_verdicts(verdicts: Sequence[Verdict], changes: Sequence[str]) -> None:
+    """What running cells again said, and what has changed since they ran first."""
+    table = Table("cell", "agrees", "result", "differing files", title="Cells run again", title_justify="left")
+    for verdict in verdicts:
+        agrees = "yes" if verdict.agrees else "no"
+        table.add_row(*map(escape, (verdict.cell, agrees, verdict.result, ", ".join(verdict.differing))))
+    _print(table)
+    for change in changes:
+        _print(f"Changed since: {change}")
 
 
 def print_plan(rows: Sequence[Row], folder: Path, jobs: int) -> None:
