@@ -10,7 +10,7 @@ import statistics
 import numpy as np
 from timing import timed
 
-from causalbench.core.kinematic.worlds import KinematicBatch, KinematicScene
+from causalbench.core.kinematic import make
 from causalbench.core.staged.env import StageTaskEnv
 from causalbench.core.staged.scene_worlds import SceneWorlds
 from causalbench.core.staged.starts import draw_starts
@@ -21,7 +21,7 @@ TURNS, STEPS, WORLDS = 15, 400, 256
 
 def single() -> tuple[float, float]:
     """Median seconds per control step of the bare scene (step + facts) and of `StageTaskEnv`."""
-    env = StageTaskEnv(SceneWorlds(TASK, KinematicScene()))
+    env = StageTaskEnv(SceneWorlds(TASK, make()))
     actions = np.random.default_rng(0).uniform(-0.1, 0.1, (STEPS, len(TASK.actions)))
 
     def bare() -> None:
@@ -43,7 +43,7 @@ def single() -> tuple[float, float]:
 
 def batched() -> float:
     """Median seconds per world step of a batch (step + facts)."""
-    batch = KinematicBatch(WORLDS)
+    batch = make().batch(WORLDS)
     rng = np.random.default_rng(0)
     draw_starts(TASK, batch, range(WORLDS), [rng] * WORLDS)
     actions = rng.uniform(-0.1, 0.1, (WORLDS, len(TASK.actions)))

@@ -22,7 +22,15 @@ from causalbench.core.world.cameras import FOV, Camera, find_camera
 from causalbench.core.world.capabilities import Capability
 from causalbench.core.world.facts import HOLDING_FORCE, Facts
 from causalbench.core.world.layout import Box, Carry, Layout, Workspace
-from causalbench.core.world.scene import ACTION_SPEED, ARM_ACTIONS, BASE_ACTIONS, Scene, SceneSpec, check_action
+from causalbench.core.world.scene import (
+    ACTION_SPEED,
+    ARM_ACTIONS,
+    BASE_ACTIONS,
+    Scene,
+    SceneSpec,
+    check_action,
+    check_layout,
+)
 from causalbench.errors import (
     BrokenVersionError,
     CausalbenchError,
@@ -82,6 +90,7 @@ __all__ = [
     "arm_ik",
     "base_following",
     "check_action",
+    "check_layout",
     "compiled",
     "external",
     "fetch",

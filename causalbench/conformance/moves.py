@@ -32,7 +32,7 @@ ROOM = (0.1, 0.25)  # m nearer and higher: where translations start, to have roo
 BEYOND = (1.1, 1.25)  # of the amount: what a pose must leave room for, translations and rotations
 CLEARANCE = 0.12  # m between the table and a hand that shall touch nothing
 FLAGS = ("collision_base", "collision_arm", "collision_self", "holding")
-FIELDS = tuple(field.name for field in dataclasses.fields(Facts))
+FIELDS = tuple(field.name for field in dataclasses.fields(Facts) if field.name != "extras")
 
 
 def steps(scene: Scene, seconds: float) -> int:
@@ -236,7 +236,8 @@ def press(scene: Scene) -> list[Facts]:
 
 def row(facts: Facts) -> Array:
     """Every number of single facts in one array."""
-    return np.concatenate([np.ravel(getattr(facts, name)).astype(np.float64) for name in FIELDS])
+    values = [getattr(facts, name) for name in FIELDS] + [facts.extras[name] for name in sorted(facts.extras)]
+    return np.concatenate([np.ravel(value).astype(np.float64) for value in values])
 
 
 def walk(scene: Scene, seed: int, count: int = 15, size: float = 1.0, grip: bool = True) -> Array:

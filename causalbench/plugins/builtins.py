@@ -7,8 +7,7 @@ from collections.abc import Callable
 from causalbench.core.discovery.discoverers import DISCOVERERS
 from causalbench.core.discovery.registry import Discoverer
 from causalbench.core.kinematic import make as make_kinematic
-from causalbench.core.kinematic.worlds import SPEC
-from causalbench.core.kit.base_following import DRIVING_CAPABILITIES
+from causalbench.core.kinematic.spec import MOBILE_SPEC, SPEC
 from causalbench.core.learners.methods import METHODS, Method
 from causalbench.core.learners.registry import LEARNERS, Learner
 from causalbench.core.tasks.mobile_manipulation import TASK as MOBILE_MANIPULATION
@@ -30,7 +29,7 @@ def causalbench_backends(register: Callable[[Backend], None]) -> None:
             "numpy, not physics",
             (
                 Variant(SPEC.robot, SPEC.capabilities),
-                Variant(SPEC.robot, SPEC.capabilities | DRIVING_CAPABILITIES, {"mobile": True}),
+                Variant(MOBILE_SPEC.robot, MOBILE_SPEC.capabilities, {"mobile": True}),
             ),
         )
     )

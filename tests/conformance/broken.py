@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 import multiprocessing
 import os
@@ -12,36 +13,35 @@ import numpy as np
 from conformance import hasty
 from numpy.typing import NDArray
 
-from causalbench.core.kinematic.mobile import BASE_HIT, MOBILE_SPEC, MobileKinematicScene
-from causalbench.core.kinematic.worlds import BASE_POSE, BOX, BOX_HALF, COMMAND, HAND, SPEC, TABLE_HIT, KinematicScene
+from causalbench.core.kinematic import make
+from causalbench.core.kinematic.mobile import BASE_HIT, MobileWorlds
+from causalbench.core.kinematic.scenes import WorldsScene
+from causalbench.core.kinematic.spec import MOBILE_SPEC, SPEC
+from causalbench.core.kinematic.worlds import BASE_POSE, BOX, BOX_HALF, COMMAND, HAND, TABLE_HIT, KinematicWorlds
 from causalbench.core.world import lidar
 from causalbench.core.world.facts import Facts
 from causalbench.core.world.layout import Layout
-from causalbench.core.world.scene import Array, Scene, SceneSpec, check_action
+from causalbench.core.world.scene import Array, SceneSpec, check_action
 from causalbench.errors import SnapshotError, UnreachableLayoutError
 from causalbench.plugins.backends import Backend, Variant
 
 NAMES = SPEC.actions
 
 
-def held(scene: KinematicScene) -> bool:
-    return bool(KinematicScene.facts(scene).holding)
+class Altered(WorldsScene):
+    """A kinematic scene with another spec, facts changed on their way out, and five numbers of state of its own."""
 
-
-class Alteration(Scene):
-    """Over a kinematic scene: another spec, facts changed on their way out, and five numbers of state of its own."""
-
+    worlds_type: ClassVar[type[KinematicWorlds]] = KinematicWorlds
     changes: ClassVar[dict[str, Any]] = {}
-    _world: Any
 
     def __init__(self) -> None:
-        super().__init__()
+        super().__init__(self.worlds_type(()))
         self.spec = dataclasses.replace(self.spec, **self.changes)
         self.own = np.zeros(5)
 
     @property
     def state(self) -> Array:
-        return self._world.state
+        return self.worlds.state
 
     def reset(self, layout: Layout) -> None:
         super().reset(layout)
@@ -62,12 +62,15 @@ class Alteration(Scene):
         self.own[:] = np.frombuffer(snapshot[: self.own.nbytes])
 
 
-class Altered(Alteration, KinematicScene):
-    """As `Alteration` says."""
-
-
-class AlteredMobile(Alteration, MobileKinematicScene):
+class AlteredMobile(Altered):
     """The same of the hand on a base that drives."""
+
+    worlds_type = MobileWorlds
+    worlds: MobileWorlds
+
+
+def held(scene: Altered) -> bool:
+    return bool(scene.worlds.facts().holding)
 
 
 class Nameless(Altered):
@@ -246,7 +249,7 @@ class Falling(Altered):
 
     def step(self, action: Array) -> None:
         super().step(action)
-        facts = KinematicScene.facts(self)
+        facts = self.worlds.facts()
         if facts.holding:
             self.own[0] = 0.0
             return
@@ -457,13 +460,13 @@ class StaleScan(AlteredMobile):
         self.own[:3] = layout.base_pose
 
     def lidar(self) -> Array:
-        return lidar.scan(self._world.boxes, lidar.scanner_pose(self.own[:3], lidar.POSITION))
+        return lidar.scan(self.worlds.boxes, lidar.scanner_pose(self.own[:3], lidar.POSITION))
 
 
 class SeesTheTarget(AlteredMobile):
     def lidar(self) -> Array:
         pose = lidar.scanner_pose(self.state[BASE_POSE], lidar.POSITION)
-        facts = KinematicScene.facts(self)
+        facts = self.worlds.facts()
         row = np.concatenate([np.full(3, 0.05), facts.object_position, facts.object_quaternion])
         return np.minimum(super().lidar(), lidar.scan(row[None], pose))
 
@@ -476,7 +479,7 @@ class NoBaseCollision(AlteredMobile):
 class LosesBaseContact(AlteredMobile):
     def restore(self, snapshot: bytes) -> None:
         super().restore(snapshot)
-        self._world.base[BASE_HIT] = 0.0
+        self.worlds.base[BASE_HIT] = 0.0
 
 
 class Stalls(AlteredMobile):
@@ -554,8 +557,8 @@ BROKEN = {
 }
 MOBILE_NUMBERS = {"S16", *(f"S{i}" for i in range(40, 48))}
 INTACT = {
-    "kinematic": (backend(KinematicScene), MOBILE_NUMBERS | {"S21"}),
-    "mobile": (backend(MobileKinematicScene, MOBILE_SPEC), {"S21"}),
+    "kinematic": (backend(make), MOBILE_NUMBERS | {"S21"}),
+    "mobile": (backend(functools.partial(make, mobile=True), MOBILE_SPEC), {"S21"}),
     "falling": (backend(Falling), MOBILE_NUMBERS),
     "inexact": (backend(Inexact), MOBILE_NUMBERS | {"S21"}),
 }

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from conformance import pretend_simulator
 
-from causalbench.core.kinematic.worlds import KinematicScene
+from causalbench.core import kinematic
+from causalbench.core.kinematic.scenes import WorldsScene
 
 
-def make() -> KinematicScene:
+def make() -> WorldsScene:
     """A scene that is right in every other way."""
     assert pretend_simulator
-    return KinematicScene()
+    return kinematic.make()

@@ -15,13 +15,15 @@ from causalbench.conformance.suite import CHECKS
 
 PLUGIN = """
 import dataclasses
-from causalbench.core.kinematic.worlds import SPEC, KinematicScene
+from causalbench.core.kinematic.scenes import WorldsScene
+from causalbench.core.kinematic.spec import SPEC
+from causalbench.core.kinematic.worlds import KinematicWorlds
 from causalbench.plugins.backends import Backend, Variant
 from causalbench.plugins.hookspecs import hookimpl
 
-class Scene(KinematicScene):
+class Scene(WorldsScene):
     def __init__(self, timestep=0.03):
-        super().__init__()
+        super().__init__(KinematicWorlds(()))
         self.spec = dataclasses.replace(SPEC, backend="gappy", timestep=timestep)
 
 @hookimpl

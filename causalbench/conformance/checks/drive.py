@@ -18,7 +18,7 @@ from causalbench.core.tasks.mobile_manipulation import TASK
 from causalbench.core.world import lidar
 from causalbench.core.world.capabilities import Capability
 from causalbench.core.world.facts import Facts
-from causalbench.core.world.layout import Layout
+from causalbench.core.world.layout import Layout, box_rows
 from causalbench.core.world.scene import Scene
 
 Array = NDArray[np.float64]
@@ -162,7 +162,7 @@ def _compare_scan(scene: Scene, layout: Layout, when: str) -> None:
     expect(np.isfinite(found).all(), f"lidar() is not finite {when}; a ray that meets nothing says {lidar.MAX_RANGE}")
     assert scene.spec.lidar_position is not None
     pose = lidar.scanner_pose(scene.facts().base_pose, scene.spec.lidar_position)
-    asked = lidar.scan(lidar.box_rows(layout.fixtures), pose)
+    asked = lidar.scan(box_rows(layout.fixtures), pose)
     wrong = np.flatnonzero(np.abs(found - asked) > RANGE_ERROR)
     hint = "; reversed it would fit: from right to left" if np.abs(found[::-1] - asked).max() < RANGE_ERROR else ""
     expect(

@@ -10,7 +10,7 @@ from causalbench.conformance.moves import FIELDS, row, start, vector
 SHAPES = {
     "eef_position": (3,), "eef_quaternion": (4,), "gripper_opening": (), "holding": (), "object_position": (3,),
     "object_quaternion": (4,), "base_pose": (3,), "base_velocity": (2,), "collision_base": (), "collision_arm": (),
-    "collision_self": (),
+    "collision_self": (), "other_positions": (0, 3), "other_quaternions": (0, 4),
 }  # fmt: skip
 FLAGS = ("holding", "collision_base", "collision_arm", "collision_self")
 ARRAYS = tuple(name for name in FIELDS if SHAPES[name])
@@ -25,6 +25,10 @@ def s06_types(bench: Bench) -> None:
         kind = np.bool_ if name in FLAGS else np.float64
         expect(value.shape == SHAPES[name], f"facts.{name} has shape {value.shape}, expected {SHAPES[name]}")
         expect(value.dtype == kind, f"facts.{name} is {value.dtype}, expected {np.dtype(kind)}")
+    for name, extra in facts.extras.items():
+        expect(
+            np.asarray(extra).dtype == np.float64, f"facts.extras[{name!r}] is {np.asarray(extra).dtype}, not float64"
+        )
     expect(np.isfinite(row(facts)).all(), f"facts are not finite: {facts}")
 
 

@@ -5,15 +5,17 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from causalbench.core.world.scene import Scene
+    from causalbench.core.kinematic.scenes import WorldsScene
 
 
-def make(mobile: bool = False) -> Scene:
+def make(mobile: bool = False) -> WorldsScene:
     """A new kinematic scene; with `mobile` the hand is carried by a base that drives, and there is a LiDAR."""
+    from causalbench.core.kinematic.scenes import WorldsScene
+
     if mobile:
-        from causalbench.core.kinematic.mobile import MobileKinematicScene
+        from causalbench.core.kinematic.mobile import MobileWorlds
 
-        return MobileKinematicScene()
-    from causalbench.core.kinematic.worlds import KinematicScene
+        return WorldsScene(MobileWorlds(()))
+    from causalbench.core.kinematic.worlds import KinematicWorlds
 
-    return KinematicScene()
+    return WorldsScene(KinematicWorlds(()))

@@ -15,10 +15,11 @@ from causalbench.core.world.facts import Facts
 Array = NDArray[np.float64]
 Colour = tuple[int, int, int]
 Solid = tuple[Array, Colour]
-"""A box (10,), as in `lidar.box_rows`, and what it is painted with."""
+"""A box (10,), as in `layout.box_rows`, and what it is painted with."""
 
 SKY, FLOOR, FIXTURE = (190, 205, 225), (110, 110, 110), (191, 178, 158)
-BASE, HAND, FINGER, TARGET = (150, 150, 160), (235, 235, 230), (60, 60, 60), (217, 51, 26)
+BASE, HAND, FINGER = (150, 150, 160), (235, 235, 230), (60, 60, 60)
+TARGET, OTHER = (217, 51, 26), (38, 102, 204)
 SHADE = np.array([0.75, 0.6, 1.0])  # of a box's sides along its own x, y and z
 PALM_HALF, FINGER_HALF = (0.03, 0.06, 0.035), (0.012, 0.006, 0.03)  # m
 PALM_BACK = 0.07  # m from the end effector back along the approach axis to the middle of the palm
@@ -28,17 +29,19 @@ MARK_HALF = (0.03, 0.03, 0.03)  # m: a mark has no extents of its own
 
 
 def draw(
-    facts: Facts, fixtures: Array, target_half: Array, carried: bool, width: int, height: int, camera: Camera
+    facts: Facts, fixtures: Array, halves: Array, carried: bool, width: int, height: int, camera: Camera
 ) -> NDArray[np.uint8]:
-    """RGB image (height, width, 3) of one world with `fixtures` (n, 10) as `lidar.box_rows` gives them.
+    """RGB image (height, width, 3) of one world with `fixtures` (n, 10) as `layout.box_rows` gives them.
 
-    `target_half` (3,) are the target's half extents, 0 for a mark; `carried` says whether the hand is on a base.
+    `halves` (1 + n_others, 3) are the half extents of the target, 0 for a mark, and of the other objects, NaN for those
+    that are not there; `carried` says whether the hand is on a base.
     """
     solid = [(row, FIXTURE) for row in fixtures]
     solid += _hand(facts)
-    solid.append(
-        (_row(target_half if target_half.any() else MARK_HALF, facts.object_position, facts.object_quaternion), TARGET)
-    )
+    target_half = halves[0] if halves[0].any() else MARK_HALF
+    solid.append((_row(target_half, facts.object_position, facts.object_quaternion), TARGET))
+    others = zip(halves[1:], facts.other_positions, facts.other_quaternions, strict=True)
+    solid += [(_row(*other), OTHER) for other in others if not np.isnan(other[0]).any()]
     if carried:
         x, y, yaw = facts.base_pose
         solid.append((_row((0.2, 0.2, 0.2), np.array([x, y, 0.2]), rotations.from_axis_angle(2, yaw)), BASE))

@@ -16,8 +16,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
 from causalbench.core.numerics import rotations
-from causalbench.core.world.layout import Box
-from causalbench.core.world.lidar import box_rows
+from causalbench.core.world.layout import Box, box_rows
 
 Array = NDArray[np.float64]
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
 
 import numpy as np
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from causalbench.core.world.capabilities import Capability
 from causalbench.core.world.facts import Facts
 from causalbench.core.world.layout import Layout
-from causalbench.core.world.scene import Scene, SceneSpec
+from causalbench.core.world.scene import Scene, SceneSpec, lacking
 from causalbench.errors import CausalbenchError
 
 Array = NDArray[np.float64]
@@ -42,11 +42,11 @@ class BatchScene(ABC):
 
     def lidar(self) -> Array:
         """Ranges (n, 220), see `Scene.lidar`."""
-        raise CausalbenchError(f"backend {self.spec.backend!r} has no capability {Capability.LIDAR!r}")
+        raise lacking(self.spec, Capability.LIDAR)
 
     def render(self, width: int, height: int, camera: str = "scene") -> NDArray[np.uint8]:
         """RGB images (n, height, width, 3), see `Scene.render`."""
-        raise CausalbenchError(f"backend {self.spec.backend!r} has no capability {Capability.RGB!r}")
+        raise lacking(self.spec, Capability.RGB)
 
     @abstractmethod
     def snapshots(self) -> list[bytes]:
@@ -102,7 +102,10 @@ def make_batch(make_scene: Callable[[], Scene], n: int) -> BatchScene:
     """`n` worlds: the backend's own batch where its scene offers one (`batch(n)`), else a list of scenes."""
     first = make_scene()
     if isinstance(first, Batchable):
-        return first.batch(n)
+        try:
+            return first.batch(n)
+        finally:
+            first.close()
     return SceneList([first, *(make_scene() for _ in range(n - 1))])
 
 
@@ -111,17 +114,49 @@ class Batchable(ABC):
 
     @abstractmethod
     def batch(self, n: int) -> BatchScene:
-        """`n` worlds of this scene's spec."""
+        """`n` worlds of this scene's spec, which must outlive the scene: it is closed then."""
 
 
-_FIELDS = tuple(field.name for field in fields(Facts))
+_OF_ALL = tuple(f.name for f in fields(Facts) if f.name not in ("other_positions", "other_quaternions", "extras"))
+_OF_OTHERS = ("other_positions", "other_quaternions")
 
 
 def stack(facts: Sequence[Facts]) -> Facts:
-    """Facts of single worlds as one record with a leading dimension."""
-    return Facts(**{name: np.stack([getattr(f, name) for f in facts]) for name in _FIELDS})
+    """Facts of single worlds as one record with a leading dimension.
+
+    Raises `CausalbenchError` unless all have extras of the same names and shapes.
+    """
+    found = {name: np.stack([getattr(f, name) for f in facts]) for name in _OF_ALL}
+    if any(f.other_positions.size for f in facts):
+        found |= {name: _padded([getattr(f, name) for f in facts]) for name in _OF_OTHERS}
+    if any(f.extras for f in facts):
+        return Facts(**found, extras=_stacked([f.extras for f in facts]))
+    return Facts(**found)
+
+
+def _padded(rows: Sequence[Array]) -> Array:
+    """Arrays (n_i, k) as one of (worlds, greatest n_i, k), NaN where a world has fewer rows."""
+    out = np.full((len(rows), max(map(len, rows)), rows[0].shape[-1]), np.nan)
+    for world, row in zip(out, rows, strict=True):
+        world[: len(row)] = row
+    return out
+
+
+def _stacked(extras: Sequence[Mapping[str, Array]]) -> dict[str, Array]:
+    shapes = [{name: np.shape(value) for name, value in sorted(of_one.items())} for of_one in extras]
+    for other in shapes[1:]:
+        if other != shapes[0]:
+            raise CausalbenchError(
+                f"worlds of one batch have different extras, by name and shape: {shapes[0]}, {other}"
+            )
+    return {name: np.stack([of_one[name] for of_one in extras]) for name in extras[0]}
 
 
 def select(facts: Facts, index: int | tuple[int, ...] | NDArray[np.int64]) -> Facts:
     """One world's facts (int) or those of several (index array)."""
-    return Facts(**{name: getattr(facts, name)[index] for name in _FIELDS})
+    found = {name: getattr(facts, name)[index] for name in _OF_ALL}
+    if facts.other_positions.size:
+        found |= {name: getattr(facts, name)[index] for name in _OF_OTHERS}
+    if facts.extras:
+        return Facts(**found, extras={name: value[index] for name, value in facts.extras.items()})
+    return Facts(**found)

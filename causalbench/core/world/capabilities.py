@@ -15,6 +15,7 @@ class Capability(StrEnum):
     - `EXACT_RESTORE`: after a snapshot is restored, every later step is bit-identical to the first time.
     - `MOBILE_BASE`: the robot's base drives and turns, and a target of mass 0 may mark a place.
     - `PHYSICS`: free things fall, are pushed and rest on others.
+    - `SEVERAL_OBJECTS`: a layout may have free boxes beside the target, each of which the hand can hold.
     - `RESTORE`: a snapshot of a world can be taken and returned to.
     - `STAGE_RESET`: a world can be reset into any stage of its task, not only into the first.
     - `EXPERT`: a scripted expert says what to do next.
@@ -25,6 +26,7 @@ class Capability(StrEnum):
     EXACT_RESTORE = "exact_restore"
     MOBILE_BASE = "mobile_base"
     PHYSICS = "physics"
+    SEVERAL_OBJECTS = "several_objects"
     RESTORE = "restore"
     STAGE_RESET = "stage_reset"
     EXPERT = "expert"

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +15,11 @@ Flags = NDArray[np.bool_]
 HOLDING_FORCE = 5.0  # N of each pad on the object: two and a half times the weight of the task's box
 """With more than this both pads must press for `Facts.holding`, in simulators that tell forces."""
 
+NO_POSITIONS, NO_QUATERNIONS = np.empty((0, 3)), np.empty((0, 4))
+"""Of the objects beside the target, where there are none: one array for all, so that they cost nothing."""
 
+
+@final
 @dataclass(frozen=True, slots=True)
 class Facts:
     """All that a task may see, at the end of a control step, in the world frame.
@@ -21,8 +27,14 @@ class Facts:
     Shapes are those of one world; all fields may carry the same one leading batch dimension. Arrays are the
     reader's own: never views of simulator memory. A collision flag is true if the contact exists at the end of
     the control step; the arm includes the gripper; the floor counts as every other thing that is not the robot;
-    contact with the task object is not a collision. `holding` is
-    true when both finger pads press on the task object.
+    contact with one of the task's objects is not a collision. `holding` is
+    true when both finger pads press on the target, the first of them, whose pose is `object_position` and
+    `object_quaternion`; the further ones follow in the order of `Layout.others`.
+
+    Worlds of one batch may have different numbers of objects: the poses of those that a world lacks are NaN, and where
+    none has any, the two fields of the others need no batch dimension. `extras` are named numbers that a scene or a
+    task adds, float64 of any shape, the same names in every world of a batch. That is what they are for: the class
+    cannot be subclassed, since a field that only some facts have would be lost in a batch.
     """
 
     eef_position: Array  # (..., 3) m
@@ -36,3 +48,12 @@ class Facts:
     collision_base: Flags  # (...)
     collision_arm: Flags  # (...)
     collision_self: Flags  # (...)
+    other_positions: Array = field(default_factory=lambda: NO_POSITIONS)  # (..., n_others, 3) m
+    other_quaternions: Array = field(default_factory=lambda: NO_QUATERNIONS)  # (..., n_others, 4)
+    extras: Mapping[str, Array] = field(default_factory=dict)
+
+    def __init_subclass__(cls) -> None:
+        raise TypeError(
+            f"{cls.__name__}: Facts has no subclasses; put further numbers into `extras`, which batches and "
+            "snapshots keep"
+        )

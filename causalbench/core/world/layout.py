@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,12 +52,21 @@ class Box:
     quaternion: Array
 
 
+def box_rows(boxes: Iterable[Box]) -> Array:
+    """Half extents, positions and quaternions of boxes as one array (n, 10)."""
+    return np.array([[*box.half_extents, *box.position, *box.quaternion] for box in boxes]).reshape(-1, 10)
+
+
 @dataclass(frozen=True)
 class Layout:
     """A start, in the world frame. `fixtures` never move; `target` is the free object of the task.
 
     A target of mass 0 is a mark in space: it neither moves nor touches anything, and no ray meets it. Only scenes with
-    the capability `MOBILE_BASE` take one.
+    the capability `MOBILE_BASE` take one. `others` are further free objects, each with its mass in `other_masses`; only
+    scenes with `SEVERAL_OBJECTS` take any. `extras` are named numbers of the start, float or float64 of any shape, that
+    no scene reads and every snapshot keeps, for the task's `layout_facts`.
+
+    Raises `ValueError` unless every other object has a mass above 0.
     """
 
     fixtures: tuple[Box, ...]
@@ -66,3 +76,11 @@ class Layout:
     eef_position: Array  # (3,) m
     eef_quaternion: Array  # (4,)
     gripper_opening: float  # m between the finger pads
+    others: tuple[Box, ...] = ()
+    other_masses: tuple[float, ...] = ()  # kg
+    extras: Mapping[str, float | Array] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if len(self.others) != len(self.other_masses) or not all(mass > 0 for mass in self.other_masses):
+            names = [box.name for box in self.others]
+            raise ValueError(f"other_masses {self.other_masses}: expected a mass above 0 kg for each of {names}")

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from causalbench.core.numerics import kernels
 from causalbench.core.numerics.gufunc import broadcast
-from causalbench.core.world.layout import Box
 
 Array = NDArray[np.float64]
 
@@ -20,11 +18,6 @@ ANGLES = np.radians(np.linspace(-110.0, 110.0, N_RAYS))
 POSITION = (0.235, 0.0, 0.2878)
 """Of the scanner in the base frame, m: where Fetch has its laser; one for all robots, so that they see alike."""
 MAX_RANGE = 10.0  # m; also what a ray that meets nothing says
-
-
-def box_rows(boxes: Iterable[Box]) -> Array:
-    """Half extents, positions and quaternions of boxes, (n, 10), as `scan` takes them."""
-    return np.array([[*box.half_extents, *box.position, *box.quaternion] for box in boxes]).reshape(-1, 10)
 
 
 def scanner_pose(base_pose: Array, position: tuple[float, float, float]) -> Array:
@@ -43,7 +36,10 @@ def rays(base_pose: Array, position: tuple[float, float, float]) -> tuple[Array,
 
 
 def scan(boxes: Array, pose: Array) -> Array:
-    """Ranges (..., 220) in metres from scanners at `pose` (..., 4) among `boxes` (..., n, 10); the closed form."""
+    """Ranges (..., 220) in metres from scanners at `pose` (..., 4) among `boxes`, in closed form.
+
+    The boxes (..., n, 10) are rows of `layout.box_rows`.
+    """
     out: Array = _scan(boxes, pose, ANGLES)
     return out
 

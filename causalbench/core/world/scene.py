@@ -76,7 +76,8 @@ class Scene(ABC):
         """Put the world into `layout`, at rest.
 
         Raises `UnreachableLayoutError` when the arm cannot take the pose or the start is not at rest because things
-        overlap: the caller draws another layout, and may ask for facts in between.
+        overlap: the caller draws another layout, and may ask for facts in between. Calls `check_layout` first, which
+        refuses what the scene has no capability for.
         """
 
     @abstractmethod
@@ -111,7 +112,7 @@ class Scene(ABC):
         draws is imported before the first picture. Raises `UnknownNameError` for a camera that does not exist and
         `CausalbenchError` where what draws is missing on this machine.
         """
-        raise CausalbenchError(f"backend {self.spec.backend!r} has no capability {Capability.RGB!r}")
+        raise lacking(self.spec, Capability.RGB)
 
     def lidar(self) -> Array:
         """Ranges (220,) float64 in metres, from right to left; needs the capability `LIDAR`.
@@ -119,10 +120,25 @@ class Scene(ABC):
         Level rays from `spec.lidar_position` at `lidar.ANGLES` from straight ahead (paper, appendix A). They meet
         fixtures, not the robot and not the target; `lidar.MAX_RANGE` where they meet none.
         """
-        raise CausalbenchError(f"backend {self.spec.backend!r} has no capability {Capability.LIDAR!r}")
+        raise lacking(self.spec, Capability.LIDAR)
 
     def close(self) -> None:  # noqa: B027 - optional; a scene without resources has nothing to release
         """Release what the scene holds; may be called twice."""
+
+
+def lacking(spec: SceneSpec, capability: Capability) -> CausalbenchError:
+    """The error to raise where a scene of `spec` is asked for what needs `capability`."""
+    return CausalbenchError(f"backend {spec.backend!r} has no capability {capability!r}")
+
+
+def check_layout(layout: Layout, spec: SceneSpec) -> None:
+    """Raise `CausalbenchError`, in a sentence, for a layout with objects that a scene of `spec` cannot have."""
+    if layout.others and Capability.SEVERAL_OBJECTS not in spec.capabilities:
+        names = ", ".join(box.name for box in layout.others)
+        raise CausalbenchError(
+            f"the layout has objects beside the target ({names}), and backend {spec.backend!r} has no capability "
+            f"{Capability.SEVERAL_OBJECTS!r}"
+        )
 
 
 def check_action(action: Array, shape: tuple[int, ...]) -> Array:

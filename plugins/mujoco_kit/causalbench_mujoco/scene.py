@@ -24,6 +24,7 @@ from causalbench.backend import (
     arm_ik,
     base_following,
     check_action,
+    check_layout,
     find_camera,
     stepping,
 )
@@ -127,6 +128,7 @@ class MujocoScene(Scene, Generic[WorldT]):
         Raises `UnreachableLayoutError` when the arm cannot take the pose, or when the start is not at rest because
         things overlap.
         """
+        check_layout(layout, self.spec)
         joints = arm_ik.reach(self.world.chain, layout, self._starts)
         self._enter(layout)
         world = self.world

@@ -19,6 +19,7 @@ from causalbench.backend import (
     UserError,
     arm_ik,
     check_action,
+    check_layout,
     fetch,
     find_camera,
     joint_following,
@@ -85,6 +86,7 @@ class PybulletScene(Scene):
         Raises `UnreachableLayoutError` when the arm cannot take the pose, or when the start is not at rest because
         things overlap.
         """
+        check_layout(layout, self.spec)
         joints = arm_ik.reach(self._robot.chain, layout, fetch.ARM_STARTS)
         world = self._enter(layout)
         finger = min(max((layout.gripper_opening - self._robot.gap) / 2, 0.0), fetch.FINGER_STROKE)

@@ -12,7 +12,8 @@ from causalbench.core.discovery.graph import CausalGraph, manual_graph
 from causalbench.core.discovery.truth.oracle import Grade, consult_oracle
 from causalbench.core.discovery.truth.score import Score, score_graph, score_matrix, with_score
 from causalbench.core.kinematic import make
-from causalbench.core.kinematic.worlds import KinematicScene
+from causalbench.core.kinematic.scenes import WorldsScene
+from causalbench.core.kinematic.worlds import KinematicWorlds
 from causalbench.core.tasks.pure_manipulation import TASK
 
 
@@ -113,11 +114,11 @@ def test_weak_edges_count_only_when_asked():
     assert score_matrix(matrix, grades, weak_is_present=False) == Score(1, 1, 0)
 
 
-class Sloppy(KinematicScene):
+class Sloppy(WorldsScene):
     """Restores to a place nearby, and says that it is not exact."""
 
     def __init__(self):
-        super().__init__()
+        super().__init__(KinematicWorlds(()))
         self.spec = dataclasses.replace(self.spec, capabilities=frozenset())
         self.noise = np.random.default_rng(0)
 

@@ -19,7 +19,6 @@ from causalbench.core.discovery.samples.collect import collect
 from causalbench.core.discovery.settings import DiscoverySettings
 from causalbench.core.discovery.tables import evidence_table
 from causalbench.core.kinematic import make
-from causalbench.core.kinematic.worlds import KinematicScene
 from causalbench.core.staged.env import StageTaskEnv
 from causalbench.core.staged.scene_worlds import SceneWorlds, judge
 from causalbench.core.tasks.pure_manipulation import TASK
@@ -107,7 +106,7 @@ def test_divergence_directions_and_floor():
 
 def _collected(stage, do, count=64, action_repeat=1):
     steps = []
-    rng, batch = np.random.default_rng(5), KinematicScene().batch(8)
+    rng, batch = np.random.default_rng(5), make().batch(8)
     samples = collect(SceneWorlds(TASK, batch), stage, count, do, rng, 10, 1, steps.append, action_repeat=action_repeat)
     return samples, sum(steps)
 
@@ -208,7 +207,7 @@ def test_finds_the_closed_form_truth_on_kinematic(seed):
 def test_closed_form_truth_by_exact_counterfactuals(stage):
     """Same state and other actions, a_k random against 0: the effect is exactly zero unless the truth has the edge."""
     rng = np.random.default_rng(stage)
-    env = StageTaskEnv(SceneWorlds(TASK, KinematicScene()))
+    env = StageTaskEnv(SceneWorlds(TASK, make()))
     effects = np.zeros((7, 9))
     for _ in range(60):
         env.reset(seed=int(rng.integers(2**31)), options={"stage": stage})

@@ -18,7 +18,6 @@ from causalbench.core.discovery.samples.collect import collect
 from causalbench.core.discovery.samples.transitions import Samples
 from causalbench.core.discovery.settings import DiscoverySettings
 from causalbench.core.kinematic import make
-from causalbench.core.kinematic.worlds import KinematicScene
 from causalbench.core.staged.env import StageTaskEnv
 from causalbench.core.staged.scene_worlds import SceneWorlds
 from causalbench.core.tasks.mobile_manipulation import TASK as MOBILE
@@ -50,10 +49,10 @@ def test_joined_samples_keep_blocks_of_frames_and_find_their_rows() -> None:
 def test_a_frame_is_what_was_seen_before_its_step() -> None:
     """The first sample of every sequence is a start, which can be drawn again."""
     rng = np.random.default_rng(2)
-    samples = collect(SceneWorlds(PURE, KinematicScene().batch(1)), 1, 12, None, rng, 4, 0, lambda n: None, "rgb")
+    samples = collect(SceneWorlds(PURE, make().batch(1)), 1, 12, None, rng, 4, 0, lambda n: None, "rgb")
     assert samples.frames[0].shape == (12, 48 * 64 * 3)
     assert samples.frames[0].dtype == np.uint8
-    env = StageTaskEnv(SceneWorlds(PURE, KinematicScene()), observe="paper")
+    env = StageTaskEnv(SceneWorlds(PURE, make()), observe="paper")
     for row in range(12):
         if row and samples.sequence[row] == samples.sequence[row - 1]:
             obs, *_ = env.step(samples.actions[row - 1])

@@ -16,7 +16,8 @@ from training import METHOD, train
 
 import causalbench
 from causalbench.core.discovery.graph import manual_graph
-from causalbench.core.kinematic.worlds import KinematicScene
+from causalbench.core.kinematic.scenes import WorldsScene
+from causalbench.core.kinematic.worlds import KinematicWorlds
 from causalbench.core.learners.checkpoint import Checkpoints, load_checkpoint, save_checkpoint
 from causalbench.core.learners.ppo.settings import PPOSettings
 from causalbench.core.learners.records import Evaluation
@@ -133,7 +134,12 @@ def test_a_checkpoint_of_another_run_is_refused(stopped, changes, message):
     assert stopped.read_bytes() == before
 
 
-class _Newer(KinematicScene):
+class _Standing(WorldsScene):
+    def __init__(self):
+        super().__init__(KinematicWorlds(()))
+
+
+class _Newer(_Standing):
     def batch(self, n):
         batch = super().batch(n)
         batch.spec = dataclasses.replace(self.spec, backend_version="2")
@@ -204,7 +210,7 @@ def test_values_come_back_bit_for_bit(tmp_path):
     assert load_checkpoint(tmp_path / "none", {}) is None
 
 
-class _Inexact(KinematicScene):
+class _Inexact(_Standing):
     def batch(self, n):
         batch = super().batch(n)
         batch.spec = dataclasses.replace(self.spec, capabilities=frozenset())

@@ -9,7 +9,6 @@ import torch
 from training import METHOD, train
 
 from causalbench.core.kinematic import make
-from causalbench.core.kinematic.worlds import KinematicScene
 from causalbench.core.learners.policy import ObservationScale, StagedPolicy, load_policy
 from causalbench.core.learners.ppo import settings as ppo
 from causalbench.core.learners.sac import settings as sac
@@ -51,7 +50,7 @@ def test_they_are_counted_evaluated_and_saved_like_the_others(name, tmp_path):
 
     policy.save(tmp_path / "policy")
     loaded = load_policy(tmp_path / "policy")
-    obs, _ = StageTaskEnv(SceneWorlds(TASK, KinematicScene())).reset(seed=3)
+    obs, _ = StageTaskEnv(SceneWorlds(TASK, make())).reset(seed=3)
     np.testing.assert_array_equal(loaded.predict(obs)[0], policy.predict(obs)[0])
 
 

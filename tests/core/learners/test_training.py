@@ -15,7 +15,6 @@ from training import METHOD, train
 
 from causalbench.core.discovery.graph import manual_graph
 from causalbench.core.kinematic import make
-from causalbench.core.kinematic.worlds import KinematicScene
 from causalbench.core.learners.counting import Counter
 from causalbench.core.learners.evaluation import evaluate
 from causalbench.core.learners.methods import PAPER
@@ -158,7 +157,7 @@ def test_steps_go_to_the_agent_of_the_stage_they_began_in():
 def test_actions_that_are_not_causal_are_executed_as_zero():
     learner, _ = _learner()
     n = 40
-    low, high = TASK.state_bounds(KinematicScene().spec.workspace)
+    low, high = TASK.state_bounds(make().spec.workspace)
     rng = np.random.default_rng(0)
     obs = {
         "state": rng.uniform(low, high, (n, 15)).astype(np.float32),
@@ -269,7 +268,7 @@ class _Idle(_Expert):
 
 
 def test_without_success_there_is_no_held_rate():
-    env = StageTaskEnv(SceneWorlds(TASK, KinematicScene()))
+    env = StageTaskEnv(SceneWorlds(TASK, make()))
     found = evaluate(_Idle(env), env, episodes=2, env_steps=0)
     assert (found.success_deterministic, found.held_rate, found.mean_final_stage) == (0.0, None, 1.0)
     assert found.mean_length == TASK.horizon
@@ -280,7 +279,7 @@ def test_policy_round_trip_and_sb3s_own_evaluation(name, tmp_path):
     policy, _, _ = _train(name)
     policy.save(tmp_path / "policy")
     loaded = load_policy(tmp_path / "policy")
-    env = StageTaskEnv(SceneWorlds(TASK, KinematicScene()))
+    env = StageTaskEnv(SceneWorlds(TASK, make()))
     obs, _ = env.reset(seed=3)
     for _ in range(5):
         action, state = loaded.predict(obs)
@@ -288,7 +287,7 @@ def test_policy_round_trip_and_sb3s_own_evaluation(name, tmp_path):
         assert state is None
         assert action.shape == (7,)
         obs, *_ = env.step(action)
-    vec = DummyVecEnv([lambda: StageTaskEnv(SceneWorlds(TASK, KinematicScene()))])
+    vec = DummyVecEnv([lambda: StageTaskEnv(SceneWorlds(TASK, make()))])
     vec.seed(0)
     mean, _ = evaluate_policy(loaded, vec, n_eval_episodes=2, warn=False)
     assert np.isfinite(mean)

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env as gymnasium_check
 
-from causalbench.core.kinematic.worlds import KinematicScene
+from causalbench.core.kinematic import make
 from causalbench.core.staged.env import StageTaskEnv, VectorReward
 from causalbench.core.staged.scene_worlds import SceneWorlds
 from causalbench.core.tasks.pure_manipulation import TASK
@@ -134,7 +134,7 @@ def test_the_papers_observation_passes_other_peoples_checkers(make_pure):
 
 
 def test_a_scene_without_pictures_is_refused_the_papers_observation():
-    scene = KinematicScene()
+    scene = make()
     scene.spec = dataclasses.replace(scene.spec, capabilities=scene.spec.capabilities - {"rgb"})
     with pytest.raises(UserError, match="no capability 'rgb'"):
         StageTaskEnv(SceneWorlds(TASK, scene), observe="paper")

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from causalbench.core.kinematic import make
-from causalbench.core.kinematic.worlds import KinematicScene
 from causalbench.core.staged.restricted_expert import STARTS, solved_starts
 from causalbench.core.staged.scene_worlds import SceneWorlds
 from causalbench.core.tasks import mobile_manipulation
@@ -61,9 +60,9 @@ def test_without_any_action_nothing_is_solved(kinematic: SceneWorlds) -> None:
 
 def test_a_start_does_not_depend_on_the_number_of_worlds() -> None:
     """What leaves half of the starts unsolved shows that each of them is the same start."""
-    one = SceneList([KinematicScene()])
-    several = KinematicScene().batch(4)
-    for batch in (several, KinematicScene().batch(20)):
+    one = SceneList([make()])
+    several = make().batch(4)
+    for batch in (several, make().batch(20)):
         np.testing.assert_array_equal(
             solved_starts(SceneWorlds(TASK, one), 2, {2: ("armry",)}, 10),
             solved_starts(SceneWorlds(TASK, batch), 2, {2: ("armry",)}, 10),

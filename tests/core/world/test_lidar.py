@@ -10,6 +10,7 @@ import pytest
 from causalbench.core.numerics import rotations
 from causalbench.core.tasks import rooms
 from causalbench.core.world import lidar
+from causalbench.core.world.layout import box_rows
 
 STILL = [1.0, 0.0, 0.0, 0.0]
 
@@ -58,7 +59,7 @@ def test_tilted_boxes_and_batches():
 def test_rooms_are_closed_and_furniture_stands_inside(plan):
     boxes = rooms.fixtures(plan)
     assert len(boxes) == len(rooms.fixtures(0))
-    ranges = lidar.scan(lidar.box_rows(boxes), np.array([0.0, -2.0, 2.0, 0.0]))  # above the furniture
+    ranges = lidar.scan(box_rows(boxes), np.array([0.0, -2.0, 2.0, 0.0]))  # above the furniture
     assert (ranges < 6.3).all()
     for box in boxes:
         assert box.position[2] == box.half_extents[2]  # stands on the floor
