@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from causalbench.conformance.bench import Bench
-from causalbench.conformance.checks import contact, drive, facts, life, motion, repeat, reset, rgb, solve, spec
+from causalbench.conformance.checks import contact, drive, facts, life, motion, objects, repeat, reset, rgb, solve, spec
 from causalbench.core.world.capabilities import Capability
 from causalbench.core.world.scene import ARM_ACTIONS, SceneSpec
 from causalbench.errors import UnknownNameError, UserError
@@ -105,6 +105,7 @@ CHECKS = (
     Check(drive.s46_snapshot_drive, MOBILE),
     Check(drive.s47_mobile_expert, (*MOBILE, *ARM_ACTIONS)),
     Check(rgb.s48_picture, (Capability.RGB,)),
+    Check(objects.s49_several_objects, ARM_ACTIONS),
 )
 """The contract, in the order of its numbers."""
 

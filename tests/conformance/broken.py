@@ -300,7 +300,8 @@ class FalseCollisions(Altered):
 
 class HoldsNothing(Altered):
     def alter(self, facts: Facts) -> dict[str, Any]:
-        return {"holding": np.bool_(facts.holding | (self.state[COMMAND] < 0.01))}
+        empty = self.state[COMMAND] < 0.01 and not len(facts.other_positions)
+        return {"holding": np.bool_(facts.holding | empty)}
 
 
 class Remembers(Altered):
@@ -500,6 +501,15 @@ class OldPicture(Altered):
         return self.drawn.setdefault((width, height), super().render(width, height, camera)).copy()
 
 
+class LosesOthers(Altered):
+    """Boxes beside the target fall out of the hand."""
+
+    def step(self, action: Array) -> None:
+        others = self.worlds.others.copy()
+        super().step(action)
+        self.worlds.others = others
+
+
 def backend(make: Any, spec: SceneSpec = SPEC, modules: tuple[str, ...] = ()) -> Backend:
     capabilities = getattr(make, "changes", {}).get("capabilities", spec.capabilities)
     return Backend(spec.backend, make, spec.engine, (Variant(spec.robot, capabilities),), modules)
@@ -554,6 +564,7 @@ BROKEN = {
     "S46": backend(LosesBaseContact, MOBILE_SPEC),
     "S47": backend(Stalls, MOBILE_SPEC),
     "S48": backend(OldPicture),
+    "S49": backend(LosesOthers),
 }
 MOBILE_NUMBERS = {"S16", *(f"S{i}" for i in range(40, 48))}
 INTACT = {

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from causalbench.conformance.bench import Bench, expect
-from causalbench.conformance.checks.repeat import check_restored
 from causalbench.conformance.moves import ANGLE_ERROR, POSITION_ERROR, accepts, act, contacts, start, steps
+from causalbench.conformance.replay import check_restored
 from causalbench.core.numerics import rotations
 from causalbench.core.staged.scene_worlds import SceneWorlds
 from causalbench.core.tasks import rooms

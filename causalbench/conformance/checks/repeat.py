@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from causalbench.conformance.bench import Bench, MakeScene, expect, in_new_process
 from causalbench.conformance.moves import grasp, press, row, start, walk
+from causalbench.conformance.replay import check_restored, difference, replay
 from causalbench.core.world.layout import Layout
 from causalbench.core.world.scene import Scene
 from causalbench.errors import SnapshotError
@@ -14,11 +15,6 @@ from causalbench.errors import SnapshotError
 Array = NDArray[np.float64]
 
 SEEDS = ((0, 1), (1, 3), (2, 4))  # (seed, stage)
-
-
-def _difference(a: Array, b: Array) -> str:
-    first = int((a != b).any(axis=1).argmax())
-    return f"by {np.abs(a - b).max():.2g} at most, first at step {first + 1}"
 
 
 def _from_layout(scene: Scene, layout: Layout) -> Array:
@@ -34,9 +30,9 @@ def s27_deterministic(bench: Bench) -> None:
         start(bench.scene, 9)
         walk(bench.scene, 6)
         again = _from_layout(bench.scene, layout)
-        expect(np.array_equal(first, again), f"the same layout and actions differ {_difference(first, again)}")
+        expect(np.array_equal(first, again), f"the same layout and actions differ {difference(first, again)}")
         fresh = _from_layout(bench.make(), layout)
-        expect(np.array_equal(first, fresh), f"a used scene differs from a new one {_difference(first, fresh)}")
+        expect(np.array_equal(first, fresh), f"a used scene differs from a new one {difference(first, fresh)}")
 
 
 def s28_new_process(bench: Bench) -> None:
@@ -44,7 +40,7 @@ def s28_new_process(bench: Bench) -> None:
     layouts = [start(bench.scene, seed, stage) for seed, stage in SEEDS]
     here = _all_from_layouts(bench.make_scene, layouts)
     there = in_new_process(_all_from_layouts, bench.make_scene, layouts)
-    expect(np.array_equal(here, there), f"a new process differs {_difference(here, there)}")
+    expect(np.array_equal(here, there), f"a new process differs {difference(here, there)}")
 
 
 def _all_from_layouts(make_scene: MakeScene, layouts: list[Layout]) -> Array:
@@ -71,36 +67,13 @@ def s29_independent(bench: Bench) -> None:
     together = np.array(rows)
     expect(
         np.array_equal(alone, together),
-        f"a scene behaves otherwise when another one is stepped beside it {_difference(alone, together)}",
+        f"a scene behaves otherwise when another one is stepped beside it {difference(alone, together)}",
     )
 
 
 def _free(scene: Scene) -> None:
     start(scene, 3)
     walk(scene, 1, 5)
-
-
-def _replay(scene: Scene) -> Array:
-    return np.vstack([row(scene.facts()), walk(scene, 2, size=0.5, grip=False)])
-
-
-def check_restored(bench: Bench, situation: str) -> None:
-    """A snapshot of the shared scene as it is now; restored here and into a new scene it must replay the same."""
-    scene, allowed = bench.scene, bench.spec.restore_error
-    snapshot = scene.snapshot()
-    expect(isinstance(snapshot, bytes), f"snapshot() returned {type(snapshot).__name__}, not bytes")
-    first = _replay(scene)
-    start(scene, 9)
-    walk(scene, 7, 5)
-    for where, target in (("the same scene", scene), ("a new scene", bench.make())):
-        target.restore(snapshot)
-        again = _replay(target)
-        off = np.abs(again - first)
-        expect(
-            off.max() <= allowed,
-            f"{situation}, restored into {where}, facts go on otherwise {_difference(first, again)} "
-            f"(spec.restore_error: {allowed})",
-        )
 
 
 def s30_snapshot_free(bench: Bench) -> None:
@@ -134,7 +107,7 @@ def s33_snapshot_new_process(bench: Bench) -> None:
     there = in_new_process(_all_from_bytes, bench.make_scene, snapshots)
     expect(
         np.abs(here - there).max() <= bench.spec.restore_error,
-        f"three snapshots restored in a new process go on otherwise than here {_difference(here, there)}",
+        f"three snapshots restored in a new process go on otherwise than here {difference(here, there)}",
     )
 
 
@@ -143,7 +116,7 @@ def _all_from_bytes(make_scene: MakeScene, snapshots: list[bytes]) -> Array:
     try:
         for snapshot in snapshots:
             scene.restore(snapshot)
-            rows.append(_replay(scene))
+            rows.append(replay(scene))
     finally:
         scene.close()
     return np.vstack(rows)

@@ -159,7 +159,7 @@ def judge(task: Task, stage: NDArray[np.int64], before: Facts, actions: Array, n
 
 def origin_of(spec: SceneSpec) -> Origin:
     """What scenes of `spec` are made of."""
-    return Origin(f"{spec.backend} {spec.backend_version}", f"{spec.engine} {spec.engine_version}", spec.robot)
+    return Origin(f"{spec.backend} {spec.backend_version}", spec.engine_text, spec.robot)
 
 
 def action_columns(task: Task, spec: SceneSpec) -> NDArray[np.int64]:

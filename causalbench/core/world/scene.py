@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,7 +47,8 @@ class SceneSpec:
     declared speed of each at |a| = 1 in m/s or rad/s; `max_opening` the distance between open finger pads
     in metres; `control_dt` and `timestep` are seconds; `capabilities` are some of `SCENE_CAPABILITIES`. Without
     `EXACT_RESTORE`, `restore_error` says how far any number in facts may be off in 15 steps after a restore.
-    `lidar_position` is where the scanner sits in the base frame, metres.
+    `lidar_position` is where the scanner sits in the base frame, metres. `engine_settings` are numbers beside the
+    timestep that the engine was set to and that change what it computes, such as `{"solver_iterations": 20}`.
     """
 
     backend: str
@@ -64,6 +65,13 @@ class SceneSpec:
     capabilities: frozenset[Capability]
     restore_error: float = 0.0
     lidar_position: tuple[float, float, float] | None = None
+    engine_settings: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def engine_text(self) -> str:
+        """The engine, its version and its settings for people and records: "Bullet 3.2.7, 20 solver iterations"."""
+        settings = (f"{value} {name.replace('_', ' ')}" for name, value in self.engine_settings.items())
+        return ", ".join([f"{self.engine} {self.engine_version}", *settings])
 
 
 class Scene(ABC):
@@ -118,7 +126,7 @@ class Scene(ABC):
         """Ranges (220,) float64 in metres, from right to left; needs the capability `LIDAR`.
 
         Level rays from `spec.lidar_position` at `lidar.ANGLES` from straight ahead (paper, appendix A). They meet
-        fixtures, not the robot and not the target; `lidar.MAX_RANGE` where they meet none.
+        fixtures, not the robot and no free object; `lidar.MAX_RANGE` where they meet none.
         """
         raise lacking(self.spec, Capability.LIDAR)
 

@@ -49,7 +49,7 @@ class PybulletScene(Scene):
             backend="pybullet",
             backend_version=__version__,
             engine="Bullet",
-            engine_version=f"{metadata.version('pybullet')}, {solver_iterations} solver iterations",
+            engine_version=metadata.version("pybullet"),
             robot="Fetch",
             actions=ARM_ACTIONS,
             action_speed=tuple(ACTION_SPEED[name] for name in ARM_ACTIONS),
@@ -58,6 +58,7 @@ class PybulletScene(Scene):
             control_dt=self.substeps * timestep,
             timestep=timestep,
             capabilities=CAPABILITIES,
+            engine_settings={"solver_iterations": solver_iterations},
         )
         self._iterations = solver_iterations
         self._codec = SnapshotCodec(self.spec)

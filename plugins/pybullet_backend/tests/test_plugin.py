@@ -4,6 +4,7 @@ import re
 import subprocess
 import sys
 from importlib import metadata
+from typing import Any
 
 import pytest
 
@@ -40,6 +41,13 @@ def test_another_version_is_named_with_its_repair(monkeypatch: pytest.MonkeyPatc
 def test_a_solver_without_iterations_is_refused() -> None:
     with pytest.raises(UserError, match="solver_iterations"):
         make(solver_iterations=0)
+
+
+@pytest.mark.parametrize(("options", "iterations"), [({}, 20), ({"mobile": True}, 50), ({"solver_iterations": 7}, 7)])
+def test_the_spec_says_how_many_iterations_the_solver_makes(options: dict[str, Any], iterations: int) -> None:
+    spec = make(**options).spec
+    assert (spec.engine_version, spec.engine_settings) == ("3.2.7", {"solver_iterations": iterations})
+    assert spec.engine_text == f"Bullet 3.2.7, {iterations} solver iterations"
 
 
 def test_a_closed_scene_says_so() -> None:
