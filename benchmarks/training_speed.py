@@ -19,7 +19,8 @@ from causalbench.core.learners.registry import TrainingProblem
 from causalbench.core.learners.settings import EvaluationSettings
 from causalbench.core.staged.worlds import MakeWorlds
 from causalbench.core.tasks.pure_manipulation import TASK
-from causalbench.plugins.manager import installed, worlds_maker
+from causalbench.plugins.manager import installed
+from causalbench.plugins.venues import worlds_maker
 
 STEPS, TURNS = 1_500, 3
 CHANGED = {"SAC": {"learning_starts": 100}, "PPO": {"n_steps": 512}}

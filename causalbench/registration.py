@@ -26,9 +26,12 @@ def register_envs() -> None:
 def _register(plugins: Plugins) -> None:
     import gymnasium
 
+    from causalbench.plugins.venues import venue_of
+
     for task in plugins.tasks.values():
         if task.env_id not in gymnasium.registry:
-            gymnasium.register(task.env_id, entry_point="causalbench.registration:make_env", kwargs={"task": task.name})
+            given = {"task": task.name, "backend": venue_of(task).home}
+            gymnasium.register(task.env_id, entry_point="causalbench.registration:make_env", kwargs=given)
 
 
 def register_with_gymnasium() -> None:
@@ -81,7 +84,8 @@ def make_env(
     simulator and `UserError` for one that cannot run the task.
     """
     from causalbench.core.staged.env import StageTaskEnv
-    from causalbench.plugins.manager import installed, worlds_maker
+    from causalbench.plugins.manager import installed
+    from causalbench.plugins.venues import worlds_maker
 
     plugins = installed()
     chosen = plugins.task(task)

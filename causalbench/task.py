@@ -2,6 +2,7 @@
 
 from causalbench.core.numerics import rotations
 from causalbench.core.tasks import pure_manipulation
+from causalbench.core.tasks.gym_task import GymTask, Seen
 from causalbench.core.tasks.lift_and_hold import lift_and_hold
 from causalbench.core.tasks.stage_task import CausalSets, StageTask, Term, by_name, causal_sets
 from causalbench.core.tasks.stages import active_terms
@@ -18,8 +19,10 @@ __all__ = [
     "CausalSets",
     "Expert",
     "Facts",
+    "GymTask",
     "Layout",
     "SceneSpec",
+    "Seen",
     "StageTask",
     "Task",
     "Term",

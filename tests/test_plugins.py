@@ -15,7 +15,8 @@ from causalbench.core.tasks.pure_manipulation import TASK as PURE_MANIPULATION
 from causalbench.core.world.capabilities import Capability
 from causalbench.errors import BackendLoadError, UnknownNameError, UserError
 from causalbench.plugins.backends import Backend, Variant
-from causalbench.plugins.manager import PluginRow, Plugins, load_plugins, worlds_maker
+from causalbench.plugins.manager import PluginRow, Plugins, load_plugins
+from causalbench.plugins.venues import venue_of, worlds_maker
 
 Install = Callable[[str, str], Path]
 
@@ -156,16 +157,17 @@ def test_the_variant_is_the_one_with_most_of_the_options(options: dict[str, Any]
 
 def test_whether_a_task_can_run_is_known_without_a_scene() -> None:
     backend = dataclasses.replace(ARM, make=lambda hz=10.0, mobile=False, tall=False: 1 / 0)
-    assert backend.refusal(PURE_MANIPULATION) == ""
-    assert backend.refusal(MOBILE_MANIPULATION) == ""
-    assert backend.refusal(MOBILE_MANIPULATION, {"mobile": False}) == (
+    pure, mobile = venue_of(PURE_MANIPULATION), venue_of(MOBILE_MANIPULATION)
+    assert pure.refusal(backend) == ""
+    assert mobile.refusal(backend) == ""
+    assert mobile.refusal(backend, {"mobile": False}) == (
         "backend 'arm' cannot run task 'mobile_manipulation': its robot (standing) lacks lidar, mobile_base; "
         "`causalbench backends` lists what each can do"
     )
     only = dataclasses.replace(ARM, make=lambda: None, variants=ARM.variants[:1])
-    assert "options of backend 'arm': got an unexpected keyword argument 'mobile'" in only.refusal(MOBILE_MANIPULATION)
+    assert "options of backend 'arm': got an unexpected keyword argument 'mobile'" in mobile.refusal(only)
     without = Backend("gym", None, "Gymnasium")
-    assert without.refusal(PURE_MANIPULATION) == (
+    assert pure.refusal(without) == (
         "backend 'gym' cannot run task 'pure_manipulation': backend 'gym' makes no scenes: its tasks bring their "
         "environments along"
     )

@@ -1,15 +1,14 @@
-"""What a plugin registers of a simulator. It tells without making a scene which tasks the simulator can run."""
+"""What a plugin registers of a simulator, so that its robots and what they can do are known without making a scene."""
 
 from __future__ import annotations
 
 import functools
+import importlib.util
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from causalbench.core.tasks.stage_task import StageTask
-from causalbench.core.tasks.task import Task
 from causalbench.errors import UserError
 
 if TYPE_CHECKING:
@@ -63,13 +62,7 @@ class Backend:
         """
         if self.make is None:
             raise UserError(f"backend {self.name!r} makes no scenes: its tasks bring their environments along")
-        signature = inspect.signature(self.make)
-        try:
-            signature.bind(**options)
-        except TypeError as error:
-            known = ", ".join(str(p.replace(annotation=p.empty)) for p in signature.parameters.values()) or "none"
-            raise UserError(f"options of backend {self.name!r}: {error}; it takes {known}") from error
-        return functools.partial(self.make, **options)
+        return bound(self.make, options, f"options of backend {self.name!r}")
 
     def variant(self, options: Mapping[str, Any] = NO_OPTIONS) -> Variant:
         """What `make(**options)` returns: of the variants whose options are among these, the one with the most."""
@@ -77,18 +70,18 @@ class Backend:
         fitting = (v for v in self.variants if all(options.get(key) == value for key, value in v.options.items()))
         return max(fitting, key=lambda variant: len(variant.options))
 
-    def refusal(self, task: StageTask, options: Mapping[str, Any] = NO_OPTIONS) -> str:
-        """Why scenes made for `task` with further `options` cannot run it, in a sentence; "" if they can."""
-        if not isinstance(task, Task):
-            return f"backend {self.name!r} cannot run task {task.name!r}, which is not played in scenes"
-        try:
-            variant = self.variant({**task.scene_options, **options})
-        except UserError as error:
-            return f"backend {self.name!r} cannot run task {task.name!r}: {error}"
-        lacking = sorted(task.requires - variant.capabilities)
-        if not lacking:
-            return ""
-        return (
-            f"backend {self.name!r} cannot run task {task.name!r}: its robot ({variant.robot}) lacks "
-            f"{', '.join(lacking)}; `causalbench backends` lists what each can do"
-        )
+
+def bound(make: Callable[..., Any], options: Mapping[str, Any], what: str) -> Callable[[], Any]:
+    """`make` with `options`. Raises a `UserError`, which begins with `what` and says what exists, for others."""
+    signature = inspect.signature(make)
+    try:
+        signature.bind(**options)
+    except TypeError as error:
+        known = ", ".join(str(p.replace(annotation=p.empty)) for p in signature.parameters.values()) or "none"
+        raise UserError(f"{what}: {error}; it takes {known}") from error
+    return functools.partial(make, **options)
+
+
+def missing_modules(modules: Iterable[str]) -> list[str]:
+    """Those of `modules` that cannot be imported, found without importing them."""
+    return [m for m in modules if importlib.util.find_spec(m.partition(".")[0]) is None]

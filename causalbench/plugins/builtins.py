@@ -12,7 +12,7 @@ from causalbench.core.learners.methods import METHODS, Method
 from causalbench.core.learners.registry import LEARNERS, Learner
 from causalbench.core.tasks.mobile_manipulation import TASK as MOBILE_MANIPULATION
 from causalbench.core.tasks.pure_manipulation import TASK as PURE_MANIPULATION
-from causalbench.core.tasks.task import Task
+from causalbench.core.tasks.stage_task import StageTask
 from causalbench.plugins.backends import Backend, Variant
 from causalbench.plugins.hookspecs import hookimpl
 
@@ -21,7 +21,8 @@ TASKS = (PURE_MANIPULATION, MOBILE_MANIPULATION)
 
 @hookimpl
 def causalbench_backends(register: Callable[[Backend], None]) -> None:
-    """The numpy reference backend; not physics."""
+    """The numpy reference backend, which is not physics, and what plays tasks over Gymnasium environments."""
+    register(Backend("gymnasium", None, "the environments that tasks bring along", modules=("gymnasium",)))
     register(
         Backend(
             "kinematic",
@@ -36,7 +37,7 @@ def causalbench_backends(register: Callable[[Backend], None]) -> None:
 
 
 @hookimpl
-def causalbench_tasks(register: Callable[[Task], None]) -> None:
+def causalbench_tasks(register: Callable[[StageTask], None]) -> None:
     """The paper's tasks."""
     for task in TASKS:
         register(task)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from causalbench.core.discovery.registry import Discoverer
     from causalbench.core.learners.methods import Method
     from causalbench.core.learners.registry import Learner
-    from causalbench.core.tasks.task import Task
+    from causalbench.core.tasks.stage_task import StageTask
     from causalbench.plugins.backends import Backend
 
 hookspec = pluggy.HookspecMarker("causalbench")
@@ -28,8 +28,8 @@ def causalbench_backends(register: Callable[[Backend], None]) -> None:
 
 
 @hookspec
-def causalbench_tasks(register: Callable[[Task], None]) -> None:
-    """Call `register(task)` once per task."""
+def causalbench_tasks(register: Callable[[StageTask], None]) -> None:
+    """Call `register(task)` once per task: a `Task` over scenes or a `GymTask` over Gymnasium environments."""
 
 
 @hookspec

@@ -8,12 +8,11 @@ from __future__ import annotations
 
 import functools
 import importlib.metadata
-import importlib.util
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar, cast
+from typing import Any, Protocol, TypeVar, cast
 
 import pluggy
 
@@ -22,14 +21,10 @@ from causalbench.core.discovery.registry import Discoverer
 from causalbench.core.learners.methods import Method
 from causalbench.core.learners.registry import Learner
 from causalbench.core.tasks.stage_task import StageTask
-from causalbench.core.tasks.task import Task
 from causalbench.errors import BackendLoadError, UnknownNameError, UserError
 from causalbench.names import check_name
 from causalbench.plugins import hookspecs
-from causalbench.plugins.backends import NO_OPTIONS, Backend
-
-if TYPE_CHECKING:  # what simulates and learns is imported when it is asked for
-    from causalbench.core.staged.worlds import MakeWorlds
+from causalbench.plugins.backends import Backend, missing_modules
 
 GROUP = "causalbench"
 KINDS = ("backends", "tasks", "methods", "learners", "discoverers")
@@ -70,7 +65,7 @@ class Plugins:
     """What is installed, by name. `owners` says which plugin registered a backend."""
 
     backends: dict[str, Backend] = field(default_factory=dict)
-    tasks: dict[str, Task] = field(default_factory=dict)
+    tasks: dict[str, StageTask] = field(default_factory=dict)
     methods: dict[str, Method] = field(default_factory=dict)
     learners: dict[str, Learner] = field(default_factory=dict)
     discoverers: dict[str, Discoverer] = field(default_factory=dict)
@@ -91,12 +86,12 @@ class Plugins:
 
     def problem(self, name: str) -> str:
         """What the registered backend `name` lacks and how to install it; "" if it lacks nothing."""
-        missing = _missing(self.backends[name].modules)
+        missing = missing_modules(self.backends[name].modules)
         if not missing:
             return ""
         return f"needs {', '.join(missing)}, not installed here; run: pip install {self.owners[name].distribution}"
 
-    def task(self, name: str) -> Task:
+    def task(self, name: str) -> StageTask:
         """The task `name`, or an `UnknownNameError`."""
         return _look_up("task", name, self.tasks)
 
@@ -131,11 +126,6 @@ def _spelt(distribution: str) -> str:
     return re.sub(r"[-_.]+", "-", distribution).lower()
 
 
-def _missing(modules: Iterable[str]) -> list[str]:
-    """Those of `modules` that cannot be imported, found without importing them."""
-    return [m for m in modules if importlib.util.find_spec(m.partition(".")[0]) is None]
-
-
 def _look_up(kind: str, name: str, known: Mapping[str, NamedT]) -> NamedT:
     if name not in known:
         raise UnknownNameError(kind, name, known)
@@ -145,25 +135,11 @@ def _look_up(kind: str, name: str, known: Mapping[str, NamedT]) -> NamedT:
 def _usable(kind: str, name: str, known: Mapping[str, OptionalT]) -> OptionalT:
     """The row `name`, whose optional imports are there."""
     found = _look_up(kind, name, known)
-    if missing := _missing(found.modules):
+    if missing := missing_modules(found.modules):
         raise UserError(
             f"{kind} {name!r} needs {', '.join(missing)}, not installed here; run: pip install {found.extra!r}"
         )
     return found
-
-
-def worlds_maker(backend: Backend, task: StageTask, options: Mapping[str, Any] = NO_OPTIONS) -> MakeWorlds:
-    """A function that makes new worlds of `task` in `backend`, and that pickles if the backend's `make` does.
-
-    `options` are those of `make` beside the ones that the task itself asks for. Raises `UserError` where `make` takes
-    no such options, or where the backend cannot run the task.
-    """
-    backend.maker(options)
-    if (refusal := backend.refusal(task, options)) or not isinstance(task, Task):
-        raise UserError(refusal)
-    from causalbench.core.staged.scene_worlds import make_scene_worlds
-
-    return functools.partial(make_scene_worlds, task, backend.maker({**task.scene_options, **options}))
 
 
 @functools.cache
@@ -222,7 +198,7 @@ def _register(manager: pluggy.PluginManager, plugin: ModuleType, row: PluginRow,
         found: dict[str, dict[str, Any]] = {kind: {} for kind in KINDS}
         for caller in manager.get_hookcallers(plugin) or ():
             kind = caller.name.removeprefix("causalbench_")
-            register = functools.partial(_add, found[kind], getattr(plugins, kind))
+            register = functools.partial(_add, kind.removesuffix("s"), found[kind], getattr(plugins, kind))
             for implementation in caller.get_hookimpls():
                 if implementation.plugin is plugin:
                     cast(Callable[..., None], implementation.function)(register)
@@ -235,8 +211,7 @@ def _register(manager: pluggy.PluginManager, plugin: ModuleType, row: PluginRow,
     plugins.owners |= dict.fromkeys(found["backends"], row)
 
 
-def _add(found: dict[str, NamedT], known: Mapping[str, NamedT], item: NamedT) -> None:
-    kind = type(item).__name__.lower()
+def _add(kind: str, found: dict[str, NamedT], known: Mapping[str, NamedT], item: NamedT) -> None:
     check_name(kind, item.name)
     if item.name in found or item.name in known:
         raise UserError(f"{kind} {item.name!r} is already registered; choose another name")

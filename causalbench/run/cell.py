@@ -16,7 +16,8 @@ from causalbench.core.learners.records import Evaluation, TrainingCounts
 from causalbench.core.tasks.stage_task import StageTask
 from causalbench.digests import source_hash
 from causalbench.errors import CausalbenchError, CheckpointError, DivergedError
-from causalbench.plugins.manager import installed, worlds_maker
+from causalbench.plugins.manager import installed
+from causalbench.plugins.venues import worlds_maker
 from causalbench.run.score_graph import judge_graph
 from causalbench.run.tensorboard import Board
 from causalbench.store.cells import CHECKPOINT, DATA, LOG, State, Status

@@ -16,7 +16,8 @@ from causalbench.core.learners.registry import Policy
 from causalbench.core.learners.settings import observed
 from causalbench.core.staged.env import StageTaskEnv
 from causalbench.errors import UserError
-from causalbench.plugins.manager import installed, worlds_maker
+from causalbench.plugins.manager import installed
+from causalbench.plugins.venues import worlds_maker
 from causalbench.store.cells import StoredCell
 from causalbench.store.claim import own_folder
 from causalbench.store.run_folder import RunFolder

@@ -10,11 +10,14 @@ from functools import partial
 from typing import Any
 
 from causalbench._version import __version__
+from causalbench.core.discovery.registry import Discoverer
 from causalbench.core.learners.methods import Method
 from causalbench.core.tasks.stage_task import StageTask
+from causalbench.core.world.capabilities import Capability, lacking
 from causalbench.errors import SuiteError, UnknownNameError, UserError
 from causalbench.plugins.backends import Backend
 from causalbench.plugins.manager import Plugins
+from causalbench.plugins.venues import venue_of
 from causalbench.suite.cells import BackendIdentity, Cell, DiscoveryCell, LearnerCell
 from causalbench.suite.grid import Combination, combinations, layer_of
 from causalbench.suite.positions import Location
@@ -30,7 +33,8 @@ MAX_CELLS = 100_000
 class Plan:
     """The cells of one tier, each once; a discovery cell comes before the learner cells that need it.
 
-    `impossible` says of a cell's id, in a sentence, why its backend cannot run the task: the cell will be skipped.
+    `impossible` says of a cell's id, in a sentence, why its backend cannot run the task, or its worlds cannot do what
+    the cell asks of them: the cell will be skipped.
     """
 
     cells: tuple[Cell, ...]
@@ -58,8 +62,8 @@ def make_plan(
         backend, reason = planner.backend(name)
         for cell in planner.cells(backend, methods, chosen_seeds):
             cells[cell.id] = cell
-            if reason:
-                impossible[cell.id] = reason
+            if why := reason or planner.beyond(cell):
+                impossible[cell.id] = why
     return Plan(tuple(sorted(cells.values(), key=lambda cell: isinstance(cell, LearnerCell))), impossible)
 
 
@@ -71,7 +75,7 @@ class _Planner:
         self.tier_name = tier_name
         self.tier = next(tier for name, tier in file.suite.tiers.items() if name == tier_name)
         self.task: StageTask = self._named(("task",), partial(plugins.task, file.suite.task))
-        self.task_identity = task_identity(self.task)
+        self.task_identity, self.venue = task_identity(self.task), venue_of(self.task)
 
     def check_number(self, of_each_combination: int) -> None:
         """Refuse a plan that nobody can run. Raises `SuiteError`."""
@@ -92,9 +96,18 @@ class _Planner:
         found: Backend = self._named(location, partial(self.plugins.backend, name))
         options = self.suite.per_backend.get(name, PerBackend()).options
         version = self.plugins.owners[name].version
-        identity = BackendIdentity(name, version, module_versions(found.modules), options)
-        self._named(("per_backend", name, "options"), partial(found.maker, options))
-        return identity, found.refusal(self.task, options)
+        modules = module_versions((*found.modules, *self.venue.modules))
+        self._named(("per_backend", name, "options"), partial(self.venue.check_options, found, options))
+        return BackendIdentity(name, version, modules, options), self.venue.refusal(found, options)
+
+    def beyond(self, cell: Cell) -> str:
+        """What the cell asks of worlds that cannot do it, in a sentence; "" if they can. The backend runs the task."""
+        can = self.venue.capabilities(self.plugins.backends[cell.backend.name], cell.backend.options)
+        needs = requirements(cell, self.plugins.discoverers)
+        lacked = (
+            lacking(need, purpose, cell.backend.name, self.task.name) for need, purpose in needs if need not in can
+        )
+        return next(lacked, "")
 
     def cells(self, backend: BackendIdentity, methods: Sequence[Method], seeds: Sequence[int]) -> Iterator[Cell]:
         """All cells on one backend; some more than once."""
@@ -172,6 +185,22 @@ class _Planner:
             raise
         except (UserError, ValueError) as error:  # ValueError: the check of a stranger's settings
             raise self.file.source.mistake(location, str(error)) from error
+
+
+def requirements(cell: Cell, discoverers: Mapping[str, Discoverer]) -> Iterator[tuple[Capability, str]]:
+    """What the worlds of a cell must be able to do beyond being played, each with what for."""
+    if isinstance(cell, DiscoveryCell):
+        name = cell.settings.discoverer
+        yield from ((capability, f"discoverer {name!r}") for capability in sorted(discoverers[name].requires))
+        if cell.settings.oracle_states:
+            yield Capability.RESTORE, "the oracle (`oracle_states`)"
+        return
+    if cell.method.matrix == "oracle":
+        yield Capability.RESTORE, f"method {cell.method.name!r}, which asks the oracle,"
+    if cell.method.control != "none":
+        yield Capability.EXPERT, f"method {cell.method.name!r}, whose control an expert must solve,"
+    if cell.discovery:
+        yield from requirements(cell.discovery, discoverers)
 
 
 def _reaching(combination: Combination, section: str, reaches: Callable[[str], bool]) -> dict[str, Any]:

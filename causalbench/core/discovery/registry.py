@@ -17,6 +17,7 @@ from causalbench.core.discovery.edges import RESERVED
 from causalbench.core.discovery.graph import EvidenceColumn, StageGraph
 from causalbench.core.discovery.settings import PRESETS, SHARED, DiscoverySettings, NoSettings
 from causalbench.core.tasks.stage_task import StageTask
+from causalbench.core.world.capabilities import Capability
 from causalbench.errors import DiscovererError, UnknownNameError, UserError
 
 if TYPE_CHECKING:  # importing Gymnasium loads this module, which thus must not need Gymnasium
@@ -96,6 +97,7 @@ class Discoverer:
     `Annotated` metadata of annotated-types. `presets` are records of it by name. `evidence` describes the arrays that
     its graphs carry. `reads` names the sets of Algorithm 1 that its samples have: others cost no environment step.
     `finish`, if any, is given the graphs of all stages and the settings, for what can be decided only of all together.
+    `requires` names what the worlds must be able to do: where they cannot, a suite skips the cell.
     `modules` are the optional imports that it needs and `extra` the pip requirement that installs them.
     """
 
@@ -107,6 +109,7 @@ class Discoverer:
     evidence: tuple[EvidenceColumn, ...] = ()
     reads: frozenset[SampleSet] = SAMPLE_SETS
     finish: Callable[[Sequence[StageGraph], DiscoverySettings], Sequence[StageGraph]] | None = None
+    requires: frozenset[Capability] = frozenset()
     modules: tuple[str, ...] = ()
     extra: str = ""
 

@@ -14,16 +14,13 @@ from causalbench.core.staged.starts import draw_starts
 from causalbench.core.staged.worlds import Origin, Step, Worlds
 from causalbench.core.tasks.task import Task
 from causalbench.core.world.batch import BatchScene, SceneList, make_batch, select
-from causalbench.core.world.capabilities import Capability
+from causalbench.core.world.capabilities import EVERY_SCENE
 from causalbench.core.world.facts import Facts
 from causalbench.core.world.layout import Layout
 from causalbench.core.world.scene import Scene, SceneSpec
 from causalbench.errors import UserError
 
 Array = NDArray[np.float64]
-
-EVERY_SCENE = frozenset({Capability.RESTORE, Capability.STAGE_RESET, Capability.EXPERT})
-"""What staged worlds can do since every scene and every task over scenes can."""
 
 
 def make_scene_worlds(task: Task, make_scene: Callable[[], Scene], n: int | None = None) -> SceneWorlds:

@@ -1,7 +1,7 @@
 """THE step: worlds of one staged task, the only place where an action becomes a judged transition.
 
 Environments, discovery, the oracle, evaluation and conformance all go through `Worlds.step`. What the worlds are made
-of is up to the class: those of `SceneWorlds` are a task over scenes.
+of is up to two classes: `SceneWorlds`, a task over scenes, and `GymWorlds`, one over any Gymnasium environment.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from causalbench.core.staged.observation import Observation, Observe
 from causalbench.core.tasks.stage_task import StageTask
-from causalbench.core.world.capabilities import Capability
+from causalbench.core.world.capabilities import Capability, lacking
 from causalbench.core.world.scene import check_action
 from causalbench.errors import UserError
 
@@ -76,6 +76,9 @@ class Worlds(ABC):
 
         Raises `LayoutDrawError` when no such start is found.
         """
+
+    def forget_starts(self) -> None:  # noqa: B027 - optional; most worlds keep none
+        """Let go of what resets keep to save steps, so that what follows takes as many whatever came before."""
 
     def step(self, actions: Array, repeat: int = 1) -> Step:
         """Hold `actions` (*shape, n_actions), in [-1, 1], for `repeat` control steps and judge what came of it.
@@ -143,10 +146,7 @@ class Worlds(ABC):
     def require(self, capability: Capability, purpose: str) -> None:
         """Raise a `UserError` that says what for, unless the worlds have `capability`."""
         if capability not in self.capabilities:
-            raise UserError(
-                f"{purpose} needs the capability {capability!r}, and {self.origin.backend} does not have it "
-                f"in task {self.task.name!r}"
-            )
+            raise UserError(lacking(capability, purpose, self.origin.backend, self.task.name))
 
 
 class MakeWorlds(Protocol):

@@ -34,5 +34,13 @@ class Capability(StrEnum):
     __repr__ = str.__repr__
 
 
-SCENE_CAPABILITIES = frozenset(Capability) - {Capability.RESTORE, Capability.STAGE_RESET, Capability.EXPERT}
-"""What a `SceneSpec` may declare. Every scene restores; stages and experts are a matter of tasks."""
+EVERY_SCENE = frozenset({Capability.RESTORE, Capability.STAGE_RESET, Capability.EXPERT})
+"""What staged worlds over scenes can do: every scene restores, every task over scenes has starts and an expert."""
+
+SCENE_CAPABILITIES = frozenset(Capability) - EVERY_SCENE
+"""What a `SceneSpec` may declare."""
+
+
+def lacking(capability: Capability, purpose: str, backend: str, task: str) -> str:
+    """The sentence that refuses `purpose` where worlds of `task` in `backend` do not have `capability`."""
+    return f"{purpose} needs the capability {capability!r}, and {backend} does not have it in task {task!r}"

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[3]
-JUDGES = {"causalbench/core/staged/scene_worlds.py", "causalbench/core/staged/gym_worlds.py"}
+JUDGES = {"causalbench/core/staged/scene_worlds.py", "causalbench/core/staged/gym_world.py"}
 """Where `Worlds._step` is implemented. A task's own module calls its own functions, never those of a `task`."""
 VERDICTS, TASKS = {"rewards", "success"}, ("task", "TASK", "Task")
 MODULES = [

@@ -12,7 +12,8 @@ from causalbench.core.staged.scene_worlds import SceneWorlds
 from causalbench.core.tasks import mobile_manipulation
 from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench.core.world.batch import SceneList, make_batch
-from causalbench.plugins.manager import installed, worlds_maker
+from causalbench.plugins.manager import installed
+from causalbench.plugins.venues import worlds_maker
 
 SIMULATORS = ("gymrob", "pybullet", "robosuite")
 CAUSAL = {

@@ -17,7 +17,8 @@ from causalbench.core.tasks import rooms
 from causalbench.core.world.batch import select, stack
 from causalbench.core.world.facts import Facts
 from causalbench.errors import UserError
-from causalbench.plugins.manager import installed, worlds_maker
+from causalbench.plugins.manager import installed
+from causalbench.plugins.venues import worlds_maker
 from causalbench.registration import make_env
 
 STILL = np.zeros(5)

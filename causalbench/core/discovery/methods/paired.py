@@ -25,6 +25,7 @@ from causalbench.core.discovery.graph import EvidenceColumn, StageGraph
 from causalbench.core.discovery.registry import NO_SAMPLES, Discoverer, StageProblem
 from causalbench.core.discovery.samples.transitions import Samples, varies
 from causalbench.core.discovery.truth.effects import ABSENT_BELOW, STRONG_ABOVE, effects
+from causalbench.core.world.capabilities import Capability
 from causalbench.errors import UndecidedStageError
 
 if TYPE_CHECKING:
@@ -188,4 +189,5 @@ DISCOVERER = Discoverer(
     settings=PairedSettings,
     evidence=EVIDENCE,
     reads=NO_SAMPLES,
+    requires=frozenset({Capability.RESTORE}),
 )

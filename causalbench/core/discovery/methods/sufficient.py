@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from causalbench.core.discovery.graph import StageGraph
 from causalbench.core.discovery.methods.paired import EVIDENCE, PairedSettings, measure
 from causalbench.core.discovery.registry import NO_SAMPLES, Discoverer, StageProblem
+from causalbench.core.world.capabilities import Capability
 
 if TYPE_CHECKING:
     from causalbench.core.discovery.truth.counterfactual import Walk
@@ -81,4 +82,5 @@ DISCOVERER = Discoverer(
     settings=PairedSettings,
     evidence=EVIDENCE,
     reads=NO_SAMPLES,
+    requires=frozenset({Capability.RESTORE}),
 )

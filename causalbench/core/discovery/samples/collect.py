@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from causalbench.core.discovery.samples.transitions import Samples
 from causalbench.core.staged.worlds import Worlds
+from causalbench.errors import LayoutDrawError
 
 
 def collect(
@@ -46,7 +47,11 @@ def collect(
     while collected < count and tried < 2 * max(count, n):
         restart = np.flatnonzero(over)
         if restart.size:
-            worlds.reset(restart.tolist(), [rng] * restart.size, stage)
+            try:
+                worlds.reset(restart.tolist(), [rng] * restart.size, stage)
+            except LayoutDrawError:
+                on_step(worlds.env_steps - told)
+                raise
             length[restart] = 0
             sequence[restart] = n_sequences + np.arange(restart.size)
             n_sequences += restart.size

@@ -109,6 +109,7 @@ class Recipe:
 
     def collect(self, stream: Stream, worlds: Worlds, on_step: Callable[[int], None]) -> Samples:
         """Collect `stream` and keep it."""
+        worlds.forget_starts()
         rng = np.random.default_rng([self.seed, stream.stage, stream.number])
         length, placebos = self.settings.sequence_length, self.settings.n_placebos
         sensor = self.task.sensor_in(self.settings.observation)
