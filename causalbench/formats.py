@@ -11,7 +11,7 @@ SUITE: Final = 1
 """A suite file, which people write."""
 RUN: Final = 2
 """A run folder as a whole: `run.json`, `environment.json`."""
-CELL: Final = 2
+CELL: Final = 3
 """The folder of a cell: `cell.json`, `status.json`, `progress.csv`, `counts.json`."""
 GRAPH: Final = 4
 """A causal graph, `graph.json`."""

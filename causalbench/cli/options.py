@@ -17,7 +17,7 @@ EXIT_FAILED, EXIT_MISTAKE, EXIT_INTERRUPTED = 1, 2, 130
 
 SuiteArgument = Annotated[Path, typer.Argument(help="Suite file, such as suites/pure_manip.yaml.")]
 Tier = Annotated[str, typer.Option(help="How much to run: one of the suite's tiers.")]
-Seeds = Annotated[int | None, typer.Option(min=1, help="Run seeds 0 to N-1 instead of the tier's number.")]
+Seeds = Annotated[int | None, typer.Option(min=1, help="Run N seeds instead of the tier's number.")]
 Only = Annotated[list[str] | None, typer.Option(help="Keep some cells: backend=A,method=B,seed=0 (repeatable).")]
 Out = Annotated[Path | None, typer.Option(help="Run folder (default: runs/<suite>-<tier>).")]
 Jobs = Annotated[int | None, typer.Option(min=1, help="Cells at a time (default: one per core).")]

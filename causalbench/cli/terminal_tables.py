@@ -26,9 +26,9 @@ Row = Mapping[str, Any]
 BOARD = {
     "rank": "rank", "method": "method", "grid_point": "grid point", "backend": "backend",
     "seeds": "seeds", "success_auc_iqm": "success AUC (IQM)",
-    "final_success": "success", "held_rate": "held", "steps_to_90": "steps to 90%",
-    "steps_to_90_with_discovery": "with discovery", "reversals": "reversals/1000", "failed_cells": "failed",
-    "verdict": "verdict",
+    "steps_to_90": "steps to 90%", "steps_to_90_with_discovery": "with discovery",
+    "final_success": "success", "final_success_sampled": "sampled", "held_rate": "held",
+    "reversals": "reversals/1000", "failed_cells": "failed", "verdict": "verdict",
 }  # fmt: skip
 """Column of `leaderboard.csv` -> its heading on the terminal."""
 
@@ -45,7 +45,7 @@ def print_leaderboard(rows: Sequence[Row]) -> None:
     }
     table = Table(*columns.values(), title="Leaderboard: area under the success curve", title_justify="left")
     for row in rows:
-        cells = {key: _text(row.get(key)) for key in BOARD}
+        cells = {key: _text(row.get(key)) for key in BOARD} | _censored(row)
         if row.get("success_auc_iqm_low") is not None:
             cells["success_auc_iqm"] += f" [{row['success_auc_iqm_low']:.3f}, {row['success_auc_iqm_high']:.3f}]"
         if row.get("p_better_than_next") is not None:
@@ -55,6 +55,12 @@ def print_leaderboard(rows: Sequence[Row]) -> None:
     _print(table)
     if (most := max((row["sources"] for row in rows), default=0)) > 1:
         _print(f"These cells were made by {most} versions of the source code: `source` in results.csv says which.")
+
+
+def _censored(row: Row) -> dict[str, str]:
+    """What stands for steps that were more than the budget."""
+    never = row.get("budget") is not None and row["steps_to_90"] is None
+    return dict.fromkeys(("steps_to_90", "steps_to_90_with_discovery"), f">{row['budget']}") if never else {}
 
 
 def print_known_gaps(runs: Iterable[RunFolder]) -> None:

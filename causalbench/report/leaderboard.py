@@ -18,9 +18,10 @@ from causalbench.store.cells import StoredCell
 Row = dict[str, Any]
 
 COLUMNS = (
-    "rank", "method", "grid_point", "backend", "seeds", "success_auc_iqm", "success_auc_iqm_low",
-    "success_auc_iqm_high", "final_success", "held_rate", "steps_to_90", "steps_to_90_with_discovery", "reversals",
-    "p_better_than_next", "p_better_low", "p_better_high", "failed_cells", "sources", "verdict",
+    "rank", "method", "grid_point", "backend", "seeds", "budget", "success_auc_iqm", "success_auc_iqm_low",
+    "success_auc_iqm_high", "steps_to_90", "reached_90", "steps_to_90_with_discovery", "final_success",
+    "final_success_sampled", "best_success", "held_rate", "reversals", "stopped_cells", "p_better_than_next",
+    "p_better_low", "p_better_high", "failed_cells", "sources", "verdict",
 )  # fmt: skip
 FAILED = {"failed", "timeout", "diverged", "skipped", "damaged"}
 
@@ -61,8 +62,10 @@ class Entry:
 def leaderboard(results: Sequence[Row], cells: Iterable[StoredCell]) -> list[Row]:
     """Rows of `leaderboard.csv`: a board for each backend and, if there are several, one named `all`.
 
-    `results` are rows of `results.csv`; `cells` tell which methods there are and what failed. `sources`
-    counts the versions of the source code that made the cells of the board: more than one says that it mixes code.
+    `results` are rows of `results.csv`; `cells` tell which methods there are and what failed. `steps_to_90` is a median
+    over cells, None where fewer than half got there within `budget`; `reached_90` and `stopped_cells` count cells.
+    `sources` counts the versions of the source code that made the cells of the board: more than one says that it mixes
+    code.
     """
     learners = [cell for cell in cells if cell.kind == "learner"]
     backends = sorted({cell.backend for cell in learners})
@@ -122,15 +125,20 @@ def _summary(entry: Entry) -> Row:
         "method": entry.method,
         "grid_point": entry.grid_point,
         "seeds": entry.seeds,
+        "budget": max(row["budget"] for row in rows),
         "success_auc_iqm": float(stats.pooled_iqm(strata)),
         "success_auc_iqm_low": low,
         "success_auc_iqm_high": high,
-        "final_success": _mean(row["success_deterministic"] for row in rows),
-        "held_rate": _mean(row["held_rate"] for row in rows if row["held_rate"] is not None),
         "steps_to_90": _median(row["steps_to_90"] for row in rows),
+        "reached_90": sum(row["steps_to_90"] is not None for row in rows),
         "steps_to_90_with_discovery": _median(
             row["steps_to_90"] and row["steps_to_90"] + row["discovery_env_steps"] for row in rows
         ),
+        "final_success": _mean(row["success_deterministic"] for row in rows),
+        "final_success_sampled": _mean(row["success_sampled"] for row in rows),
+        "best_success": _mean(row["best_success"] for row in rows),
+        "held_rate": _mean(row["held_rate"] for row in rows if row["held_rate"] is not None),
+        "stopped_cells": sum(row["stopped_at"] is not None for row in rows),
         "reversals": _mean(row["reversals_per_1000_steps"] for row in rows),
         "failed_cells": entry.failed,
     }

@@ -20,9 +20,9 @@ Row = dict[str, Any]
 
 KEYS = ("task", "backend", "method", "grid_point", "seed")
 RESULTS = (
-    *KEYS, "env_steps", "discovery_env_steps", "episodes", "success_deterministic", "success_sampled", "success_low",
-    "success_high", "held_rate", "success_auc", "steps_to_90", "mean_final_stage", "reversals_per_episode",
-    "reversals_per_1000_steps", "mean_return", "graph", "source",
+    *KEYS, "budget", "success_auc", "steps_to_90", "stopped_at", "env_steps", "discovery_env_steps", "episodes",
+    "success_deterministic", "success_sampled", "success_low", "success_high", "best_success", "held_rate",
+    "mean_final_stage", "reversals_per_episode", "reversals_per_1000_steps", "mean_return", "graph", "source",
 )  # fmt: skip
 CURVES = (*KEYS, "env_steps", "success_deterministic", "success_sampled", "reversals", "mean_final_stage")
 RETURNS = ("cell", "env_steps", "term", "mean_return")
@@ -64,7 +64,10 @@ def merged_leaderboard(runs: Sequence[RunFolder]) -> list[Row]:
 def result_rows(cells: Sequence[StoredCell]) -> list[Row]:
     """Rows of `results.csv`, one per finished learner cell.
 
-    `episodes` and everything about success are of the final evaluation, `reversals_per_1000_steps` of training.
+    `success_auc` is the area under the success curve up to `budget`, in env steps. `steps_to_90` is None for a cell
+    that never got there, and `stopped_at` for one that was not stopped before; a stopped cell's curve goes on at its
+    last value. `episodes` and the other columns about success are of the final evaluation, but `best_success`, which is of
+    the best one; `reversals_per_1000_steps` is of training.
     """
     return [_result_row(cell, cell.evaluations(), cell.counts()) for cell in cells if cell.is_done("learner")]
 
@@ -76,6 +79,7 @@ def _result_row(cell: StoredCell, evaluations: list[Evaluation], counts: Counts)
     # Worlds that step together may pass the budget by a few steps.
     steps, success = [min(e.env_steps, budget) for e in evaluations], [e.success_deterministic for e in evaluations]
     return _keys(cell) | {
+        "budget": budget,
         "env_steps": counts.env_steps,
         "discovery_env_steps": counts.discovery_env_steps,
         "episodes": final.episodes,
@@ -84,8 +88,10 @@ def _result_row(cell: StoredCell, evaluations: list[Evaluation], counts: Counts)
         "success_low": low,
         "success_high": high,
         "held_rate": final.held_rate,
-        "success_auc": area_under(steps, success, budget),
+        "best_success": max(success),
+        "success_auc": area_under([*steps, budget], [*success, success[-1]], budget),
         "steps_to_90": next((e.env_steps for e in evaluations if e.success_deterministic >= 0.9), None),
+        "stopped_at": counts.env_steps if counts.env_steps < budget else None,
         "mean_final_stage": final.mean_final_stage,
         "reversals_per_episode": final.reversals_per_episode,
         "reversals_per_1000_steps": 1000 * counts.reversals / counts.env_steps,

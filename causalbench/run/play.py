@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from causalbench.atomic import replacing
-from causalbench.core.learners.evaluation import FIRST_SEED
 from causalbench.core.learners.policy import load_policy
 from causalbench.core.learners.registry import Policy
 from causalbench.core.learners.settings import observed
@@ -53,6 +52,7 @@ def _film(cell: StoredCell, path: Path, episodes: int) -> Path:
         raise UserError("videos need `pip install causalbench-robotics[video]`") from error
 
     identity, title = cell.identity, f"{cell.method} on {cell.backend}, seed {cell.seed}"
+    first_start = identity["evaluation"]["first_start"]
     load = installed().learner(identity["method"]["learner"]).load_policy or load_policy
     policy, task = load(cell.policy_folder()), installed().task(cell.task)
     make_worlds = worlds_maker(installed().backend(cell.backend), task, identity["backend"]["options"])
@@ -60,7 +60,7 @@ def _film(cell: StoredCell, path: Path, episodes: int) -> Path:
         look = {"fps": env.metadata["render_fps"], "codec": "libx264", "quality": 8}
         with replacing(path) as temporary, imageio.get_writer(temporary, **look) as writer:
             for episode in range(episodes):
-                for frame in film_episode(policy, env, FIRST_SEED + episode, title):
+                for frame in film_episode(policy, env, first_start + episode, title):
                     writer.append_data(frame)  # type: ignore[attr-defined]
     return path
 

@@ -14,7 +14,7 @@ from causalbench.errors import SuiteError, UnknownNameError
 from causalbench.plugins.manager import Plugins
 from causalbench.suite.plan import Plan, make_plan
 from causalbench.suite.positions import Location
-from causalbench.suite.schema import MAX_SEEDS, SuiteFile, check_suite
+from causalbench.suite.schema import SuiteFile, check_suite
 
 TIER = "discover"
 
@@ -43,6 +43,8 @@ class CommandLine:
             case ("discovery", first, *rest):
                 own = rest and first == self.data["discovery"]["discoverer"]
                 return f"--set {'.'.join(map(str, rest if own else (first, *rest)))}"
+            case ("first_seed",):
+                return "--seed"
             case ("per_backend", _, "options", *key):
                 return f"--option {'.'.join(map(str, key))}"
         return f"--{str(location[0] if location else 'task').removesuffix('s')}"
@@ -66,13 +68,14 @@ def plan_discovery(
         "task": task,
         "backends": [backend],
         "methods": [],
-        "tiers": {TIER: {"seeds": min(seed + 1, MAX_SEEDS)}},
+        "first_seed": seed,
+        "tiers": {TIER: {"seeds": 1}},
         "discovery": dict(discovery),
     }
     if options:
         data["per_backend"] = {backend: {"options": dict(options)}}
     file = check_suite(CommandLine(data), plugins)
-    return make_plan(file, TIER, plugins, only=[f"seed={seed}"]), file
+    return make_plan(file, TIER, plugins), file
 
 
 def discovery_section(discoverer: str, preset: str, given: Mapping[str, Any], plugins: Plugins) -> dict[str, Any]:

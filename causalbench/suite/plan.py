@@ -44,7 +44,7 @@ class Plan:
 def make_plan(
     file: SuiteFile, tier_name: str, plugins: Plugins, seeds: int | None = None, only: Sequence[str] = ()
 ) -> Plan:
-    """The cells of `tier_name`, for seeds 0 to `seeds` - 1 (the tier's number if None).
+    """The cells of `tier_name`, for `seeds` seeds from the suite's first one on (the tier's number if None).
 
     Raises `SuiteError` or another `UserError` when a name that is selected does not exist or cannot be loaded.
     """
@@ -52,7 +52,8 @@ def make_plan(
     if tier_name not in suite.tiers:
         raise UnknownNameError("tier", tier_name, suite.tiers)
     planner = _Planner(file, tier_name, plugins)
-    chosen_seeds = choose("seed", range(seeds or planner.tier.seeds), selection.seed)
+    first = suite.first_seed
+    chosen_seeds = choose("seed", range(first, first + (seeds or planner.tier.seeds)), selection.seed)
     backends = choose("backend", suite.backends, selection.backend)
     methods = [planner.method(name) for name in choose("method", suite.methods, selection.method)]
     planner.check_number(len(backends) * max(1, len(methods)) * len(chosen_seeds))
@@ -131,7 +132,9 @@ class _Planner:
         self._named(location, partial(self.plugins.discoverer, settings.discoverer))
         grid_point = _reaching(combination, "discovery", partial(section.reaches, subject=settings.discoverer))
         own = self.suite.graphs_in(self.tier) == "per_seed"
-        return DiscoveryCell(__version__, self.task_identity, backend, seed if own else 0, settings, grid_point)
+        return DiscoveryCell(
+            __version__, self.task_identity, backend, seed if own else self.suite.first_seed, settings, grid_point
+        )
 
     def _learner(self, backend: BackendIdentity, method: Method, seed: int, combination: Combination) -> LearnerCell:
         sections, patches = self.file.sections, self._learner_patches(backend.name, method.name, combination)

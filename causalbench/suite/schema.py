@@ -18,7 +18,7 @@ from causalbench.suite.messages import as_json, explain, guess, worst
 from causalbench.suite.positions import Location, PositionedYaml, Source
 from causalbench.suite.sections import SECTIONS, Sections
 
-MAX_SEEDS, MAX_STEPS = 10_000, 10**12
+MAX_SEEDS, MAX_SEED, MAX_STEPS = 10_000, 10**9, 10**12
 
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_-]+$")]
 Graphs = Literal["per_seed", "shared"]
@@ -52,7 +52,7 @@ class PerBackend(DiscoveryLayer):
 
 
 class Tier(DiscoveryLayer):
-    """How much to run: seeds 0 to `seeds` - 1, `env_steps` of training each; `grid` replaces the suite's."""
+    """How much to run: how many `seeds`, `env_steps` of training each; `grid` replaces the suite's."""
 
     seeds: int = Field(gt=0, le=MAX_SEEDS)
     env_steps: int | None = Field(default=None, gt=0, le=MAX_STEPS)
@@ -63,8 +63,9 @@ class Tier(DiscoveryLayer):
 class Suite(DiscoveryLayer):
     """A suite file. Later wins: preset, suite, `per_backend`, `per_method`, tier, `grid`.
 
-    `graphs` says whether the seeds share one causal graph, seed 0's, or each discovers its own, which keeps seeds
-    independent. A suite without methods asks for the graphs alone, each seed's.
+    `first_seed` is the first of the seeds that a tier runs, the others follow. `graphs` says whether they share one
+    causal graph, the first seed's, or each discovers its own, which keeps seeds independent. A suite without methods
+    asks for the graphs alone, each seed's.
     """
 
     version: SuiteFormat = Field(alias="schema")
@@ -73,6 +74,7 @@ class Suite(DiscoveryLayer):
     backends: tuple[str, ...] = Field(min_length=1)
     methods: tuple[str, ...]
     tiers: dict[Name, Tier] = Field(min_length=1)
+    first_seed: int = Field(default=0, ge=0, le=MAX_SEED)
     graphs: Graphs | None = None
     grid: Grid = {}
     per_method: dict[str, PerMethod] = {}

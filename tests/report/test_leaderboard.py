@@ -19,7 +19,8 @@ def cell(method: str, seed: int, backend: str = "toy", state: State = "done", **
 def result(method: str, seed: int, auc: float, backend: str = "toy", **more) -> dict:
     return {
         "method": method, "grid_point": "", "backend": backend, "seed": seed,
-        "success_auc": auc, "success_deterministic": auc,
+        "budget": 5000, "success_auc": auc, "success_deterministic": auc, "success_sampled": auc,
+        "best_success": auc, "stopped_at": None,
         "held_rate": None, "steps_to_90": 1000, "discovery_env_steps": 0, "reversals_per_1000_steps": 1.0,
         "source": "a-x",
     } | more  # fmt: skip
@@ -93,7 +94,8 @@ def test_steps_to_90_is_a_median_with_never_as_infinity_and_discovery_is_added()
     row = leaderboard(results, [cell("A", s) for s in range(3)])[0]
     assert (row["steps_to_90"], row["steps_to_90_with_discovery"]) == (3000, 3050)
     results = [result("A", s, 0.5, steps_to_90=n) for s, n in enumerate([1000, None, None])]
-    assert leaderboard(results, [cell("A", s) for s in range(3)])[0]["steps_to_90"] is None
+    (row,) = leaderboard(results, [cell("A", s) for s in range(3)])
+    assert (row["steps_to_90"], row["reached_90"], row["budget"]) == (None, 1, 5000)
 
 
 def test_failed_cells_are_counted_and_a_method_without_results_still_stands_there() -> None:

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from causalbench.core.kinematic import make
-from causalbench.core.learners.evaluation import FIRST_SEED
 from causalbench.core.learners.policy import load_policy
+from causalbench.core.learners.settings import FIRST_START
 from causalbench.core.staged.env import StageTaskEnv
 from causalbench.core.staged.scene_worlds import SceneWorlds
 from causalbench.core.tasks.pure_manipulation import TASK
@@ -31,7 +31,7 @@ def test_a_policy_is_filmed_as_long_as_its_episode_lasts(run: RunFolder) -> None
     assert path == run.path / "videos" / f"{folder.name}.mp4"
     assert list(path.parent.iterdir()) == [path]
     policy, env = load_policy(folder / "policy"), StageTaskEnv(SceneWorlds(TASK, make()))
-    obs, _ = env.reset(seed=FIRST_SEED, options={"stage": 1})
+    obs, _ = env.reset(seed=FIRST_START, options={"stage": 1})
     steps, over = 0, False
     while not over:
         obs, _, terminated, truncated, _ = env.step(policy.predict(obs)[0])

@@ -78,8 +78,9 @@ def test_the_sac_family_runs_on_mobile_manipulation_by_naming_it(
 def test_results_have_the_columns_of_the_contract_and_agree_with_the_curves(finished_run: Path) -> None:
     header = (finished_run / "results.csv").read_text().splitlines()[0]
     assert header == (
-        "task,backend,method,grid_point,seed,env_steps,discovery_env_steps,episodes,success_deterministic,success_sampled,"
-        "success_low,success_high,held_rate,success_auc,steps_to_90,mean_final_stage,reversals_per_episode,"
+        "task,backend,method,grid_point,seed,budget,success_auc,steps_to_90,stopped_at,env_steps,discovery_env_steps,episodes,"
+        "success_deterministic,success_sampled,"
+        "success_low,success_high,best_success,held_rate,mean_final_stage,reversals_per_episode,"
         "reversals_per_1000_steps,mean_return,graph,source"
     )
     found = rows(finished_run / "results.csv")

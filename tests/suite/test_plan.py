@@ -52,6 +52,17 @@ def test_seeds_share_one_graph_or_have_their_own(tmp_path: Path, plugins: Plugin
     assert [isinstance(cell, DiscoveryCell) for cell in full.cells] == [True] * 3 + [False] * 9
 
 
+def test_seeds_begin_with_the_suites_first_one(tmp_path: Path, plugins: Plugins) -> None:
+    later = SUITE.replace("task:", "first_seed: 100\ntask:")
+    quick = plan(tmp_path, plugins, later)
+    assert {cell.seed for cell in quick.cells} == {100, 101}
+    assert [cell.seed for cell in quick.cells if isinstance(cell, DiscoveryCell)] == [100]
+    assert {cell.seed for cell in plan(tmp_path, plugins, later, seeds=1).cells} == {100}
+    assert {cell.seed for cell in plan(tmp_path, plugins, later, only=["seed=101"]).cells} == {100, 101}  # the graph's
+    with pytest.raises(UnknownNameError, match="seed"):
+        plan(tmp_path, plugins, later, only=["seed=0"])
+
+
 def test_an_id_is_a_slug_and_a_hash_of_what_cell_json_holds(tmp_path: Path, plugins: Plugins) -> None:
     for cell in plan(tmp_path, plugins).cells:
         reread = json.loads(json.dumps(cell.identity))

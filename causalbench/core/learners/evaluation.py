@@ -10,10 +10,8 @@ from numpy.typing import NDArray
 
 from causalbench.core.learners.records import Evaluation
 from causalbench.core.learners.registry import Policy
+from causalbench.core.learners.settings import FIRST_START
 from causalbench.core.staged.env import StageTaskEnv
-
-FIRST_SEED = 1_000_000
-"""Evaluation starts are the same for every method and seed, and apart from any training start."""
 
 
 @dataclass
@@ -26,13 +24,16 @@ class _Outcome:
     returns: NDArray[np.float64]  # (n_terms,)
 
 
-def evaluate(policy: Policy, env: StageTaskEnv, episodes: int, env_steps: int) -> Evaluation:
+def evaluate(
+    policy: Policy, env: StageTaskEnv, episodes: int, env_steps: int, first_start: int = FIRST_START
+) -> Evaluation:
     """`episodes` deterministic and as many sampled episodes; every success is put to the task's own test.
 
-    `env_steps` is the training step to report. The sampled episodes use the policy's own generator.
+    `env_steps` is the training step to report. Start i is drawn with the seed `first_start` + i, for both alike. The
+    sampled episodes use the policy's own generator.
     """
-    certain = [_episode(policy, env, FIRST_SEED + i, True) for i in range(episodes)]
-    sampled = [_episode(policy, env, FIRST_SEED + i, False) for i in range(episodes)]
+    certain = [_episode(policy, env, first_start + i, True) for i in range(episodes)]
+    sampled = [_episode(policy, env, first_start + i, False) for i in range(episodes)]
     tested = [outcome.held for outcome in (*certain, *sampled) if outcome.held is not None]
     returns = np.mean([outcome.returns for outcome in certain], axis=0)
     return Evaluation(

@@ -14,6 +14,8 @@ class Examiner:
         self.problem, self.env = problem, problem.env()
         self.evaluations: list[Evaluation] = []
         """All evaluations so far."""
+        self.settled = False
+        """Whether training has ended before its budget, see `EvaluationSettings.stop_after`."""
 
     def is_due(self, before: int, taken: int, doing: str) -> bool:
         """Report the env steps `taken` and say whether those since `before` make an evaluation due.
@@ -25,12 +27,29 @@ class Examiner:
         return problem.evaluation.episodes_due(before, taken, problem.env_steps) > 0
 
     def examine(self, policy: Policy, counts: TrainingCounts) -> Evaluation:
-        """Evaluate `policy` after the steps in `counts`, and hand both on; the last time with more episodes."""
-        taken, settings = counts.env_steps, self.problem.evaluation
-        episodes = settings.final_episodes if taken >= self.problem.env_steps else settings.episodes
-        self.evaluations.append(evaluate(policy, self.env, episodes, taken))
-        self.problem.on_evaluation(self.evaluations[-1], counts)
-        return self.evaluations[-1]
+        """Evaluate `policy` after the steps in `counts`, and hand both on; the last time with more episodes.
+
+        The last time is at the budget, or when enough evaluations in a row saw no failure: `settled` is then true.
+        """
+        last = counts.env_steps >= self.problem.env_steps
+        found = self._evaluate(policy, counts.env_steps, last)
+        if not last and self._without_failure(found):
+            self.settled = True
+            found = self._evaluate(policy, counts.env_steps, True)
+        self.evaluations.append(found)
+        self.problem.on_evaluation(found, counts)
+        return found
+
+    def _evaluate(self, policy: Policy, taken: int, last: bool) -> Evaluation:
+        settings = self.problem.evaluation
+        episodes = settings.final_episodes if last else settings.episodes
+        return evaluate(policy, self.env, episodes, taken, settings.first_start)
+
+    def _without_failure(self, newest: Evaluation) -> bool:
+        """Whether `newest` is the last of so many evaluations in a row without a failure as end training."""
+        row = self.problem.evaluation.stop_after
+        recent = [*self.evaluations, newest][-row:]
+        return 0 < row == len(recent) and all(found.success_deterministic == 1.0 for found in recent)
 
     def close(self) -> None:
         """Close the environment."""

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from annotated_types import Gt
+from annotated_types import Ge, Gt
 
 CriticLayout = Literal["rows", "heads", "terms"]
 """One critic per distinct row of the matrix, the same as heads of one network, or one critic per reward term."""
@@ -30,13 +30,23 @@ def observed(settings: Mapping[str, Any]) -> dict[str, Any]:
     return {key: settings.get(key, default) for key, default in OBSERVED.items()}
 
 
+FIRST_START = 2_000_000
+"""Seed of the first start that results are reported on, apart from any training start; earlier ones served searches."""
+
+
 @dataclass(frozen=True)
 class EvaluationSettings:
-    """When and how a learner is evaluated: full task episodes from stage 1 on seeds of their own."""
+    """When and how a learner is evaluated: full task episodes from stage 1, the same starts for every method and seed.
+
+    Start i of an evaluation is drawn with the seed `first_start` + i. A training run that `stop_after` ends gets its
+    final evaluation then, and its success curve goes on at what that says.
+    """
 
     every: Annotated[int, Gt(0)] = 2_000  # env steps between evaluations
     episodes: Annotated[int, Gt(0)] = 20  # per evaluation, deterministic and sampled each
     final_episodes: Annotated[int, Gt(0)] = 50  # after the last step
+    stop_after: Annotated[int, Ge(0)] = 0  # evaluations in a row without a failure that end training; 0: none do
+    first_start: Annotated[int, Ge(0)] = FIRST_START  # searches and tuning take others than what is reported
 
     def episodes_due(self, before: int, taken: int, env_steps: int) -> int:
         """Episodes of the evaluation that the steps from `before` to `taken` of `env_steps` make due; 0 if none."""

@@ -49,7 +49,7 @@ def train_staged(problem: TrainingProblem, make_learner: MakeStagedLearner) -> T
     with closing(problem.vector_env(problem.settings.n_envs)) as env, closing(Examiner(problem)) as examiner:
         loop = _StagedLoop(problem, make_learner, env, examiner)
         loop.go_on()
-        while loop.taken < problem.env_steps:
+        while not loop.over:
             loop.step()
         loop.name_unreached()
         return Trained(loop.learner.policy, loop.counter.counts)
@@ -75,6 +75,11 @@ class _StagedLoop:
         """Env steps so far."""
         return self.counter.counts.env_steps
 
+    @property
+    def over(self) -> bool:
+        """Whether training has ended."""
+        return self.examiner.settled or self.taken >= self.problem.env_steps
+
     def step(self) -> None:
         """Act, remember, train, and evaluate or keep a checkpoint if that is due."""
         before, obs = self.taken, self.obs
@@ -87,7 +92,7 @@ class _StagedLoop:
         if self.examiner.is_due(before, self.taken, f"stage {int(self.obs['stage'].max()) + 1}"):
             self.counter.counts.updates = self.learner.updates()
             self.examiner.examine(self.learner.policy, self.counter.counts)
-        if self.checkpoints and self.taken < self.problem.env_steps:
+        if self.checkpoints and not self.over:
             every = self.checkpoints.every
             if self.taken // every > before // every:
                 self._save(self.checkpoints)

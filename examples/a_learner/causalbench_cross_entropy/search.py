@@ -101,7 +101,7 @@ def search(problem: TrainingProblem) -> Trained:
     """Train for the problem's environment steps; deterministic in its seed."""
     with closing(problem.vector_env(problem.settings.n_envs)) as env, closing(Examiner(problem)) as examiner:
         counts = (run := Search(problem, env)).counter.counts
-        while (before := counts.env_steps) < problem.env_steps:
+        while (before := counts.env_steps) < problem.env_steps and not examiner.settled:
             run.step()
             if examiner.is_due(before, counts.env_steps, f"generation {run.stages[0].generations}"):
                 examiner.examine(run.policy(problem.seed), counts)

@@ -106,7 +106,7 @@ class _Watch(BaseCallback):
             updates = _updates(self.model)  # type: ignore[arg-type]
             counts.updates = dict.fromkeys(range(1, len(self.policy.actors) + 1), updates)
             self.examiner.examine(self.policy, counts)
-        return counts.env_steps < self.examiner.problem.env_steps
+        return counts.env_steps < self.examiner.problem.env_steps and not self.examiner.settled
 
 
 def show(model: SAC | PPO, policy: StagedPolicy) -> None:
