@@ -66,8 +66,8 @@ def result_rows(cells: Sequence[StoredCell]) -> list[Row]:
 
     `success_auc` is the area under the success curve up to `budget`, in env steps. `steps_to_90` is None for a cell
     that never got there, and `stopped_at` for one that was not stopped before; a stopped cell's curve goes on at its
-    last value. `episodes` and the other columns about success are of the final evaluation, but `best_success`, which is of
-    the best one; `reversals_per_1000_steps` is of training.
+    last value. `episodes` and the other columns about success are of the final evaluation, but `best_success`, which
+    is of the best one; `reversals_per_1000_steps` is of training.
     """
     return [_result_row(cell, cell.evaluations(), cell.counts()) for cell in cells if cell.is_done("learner")]
 
