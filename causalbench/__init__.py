@@ -17,10 +17,12 @@ if TYPE_CHECKING:
     from causalbench.api import train as train
     from causalbench.core.learners.policy import load_policy as load_policy
     from causalbench.registration import make_env as make_env
+    from causalbench.report.frames import load_results as load_results
 
 _HOME = {
     "discover": "causalbench.api",
     "load_policy": "causalbench.core.learners.policy",
+    "load_results": "causalbench.report.frames",
     "make_env": "causalbench.registration",
     "train": "causalbench.api",
 }

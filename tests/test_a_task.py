@@ -51,7 +51,7 @@ def test_a_suite_discovers_its_causes_and_ranks_methods_on_it(site: Path, tmp_pa
     assert done.returncode == 0, done.stderr
     edges = pd.read_csv(tmp_path / "run" / "discovery.csv")
     strong = edges[edges["oracle_grade"] == "strong"]
-    found = {(row.stage, row.reward, row.action) for row in edges[edges["selected"] == 1].itertuples()}
+    found = {(row.stage, row.term, row.action) for row in edges[edges["selected"] == 1].itertuples()}
     # Base x drives world y and base y world -x; near its reach limit armx moves the hand down, too.
     assert found >= {(1, "r_x", "army"), (1, "r_y", "armx"), (2, "r_z", "armz")}
     assert (strong["selected"] == 1).all()

@@ -49,11 +49,11 @@ def test_the_tuning_grid_is_decided_as_the_page_says():
     spec.loader.exec_module(analysis)
     grid = pd.read_csv(ROOT / "docs/data/tuning_grid.csv")
     start = ["log_std_init" if method.endswith("PPO") else "ent_coef_init" for method in grid["method"]]
-    grid["variant"] = [
+    grid["grid_point"] = [
         f"learner.learning_rate={rate:g}, learner.{name}={value:g}"
         for rate, name, value in zip(grid["learning_rate"], start, grid["entropy_start"], strict=True)
     ]
-    chosen = analysis.chosen(grid).set_index("method")["variant"]
+    chosen = analysis.chosen(grid).set_index("method")["grid_point"]
     page = re.findall(
         r"^\| (\w+) \| ([\d.]+) \| (-?[\d.]+) \| (?:yes|no) \|", (ROOT / "docs/learning_results.md").read_text(), re.M
     )

@@ -27,8 +27,8 @@ BOARD = {
     "rank": "rank", "method": "method", "grid_point": "grid point", "backend": "backend",
     "seeds": "seeds", "success_auc_iqm": "success AUC (IQM)",
     "steps_to_90": "steps to 90%", "steps_to_90_with_discovery": "with discovery",
-    "final_success": "success", "final_success_sampled": "sampled", "held_rate": "held",
-    "reversals": "reversals/1000", "failed_cells": "failed", "verdict": "verdict",
+    "success_deterministic": "success", "success_sampled": "sampled", "held_rate": "held",
+    "reversals_per_1000_steps": "reversals/1000", "failed_cells": "failed", "verdict": "verdict",
 }  # fmt: skip
 """Column of `leaderboard.csv` -> its heading on the terminal."""
 
@@ -130,11 +130,11 @@ def print_oracle(graph: CausalGraph, folder: Path) -> None:
     """Every edge that is there or was selected, with its effect and grade, then the scores, from a cell's `folder`."""
     import pandas as pd
 
-    edges = Table("stage", "reward", "action", "effect", "interval", "grade", "selected", title="Oracle")
+    edges = Table("stage", "term", "action", "effect", "interval", "grade", "selected", title="Oracle")
     for row in pd.read_csv(folder / "oracle.csv").to_dict("records"):
         if row["grade"] != "absent" or row["selected"]:
             interval = escape(f"[{row['effect_low']:.4f}, {row['effect_high']:.4f}]")
-            named = (str(row[key]) for key in ("stage", "reward", "action"))
+            named = (str(row[key]) for key in ("stage", "term", "action"))
             edges.add_row(*named, f"{row['effect']:.4f}", interval, row["grade"], "X" if row["selected"] else "")
     _print(edges)
     scores = Table("stage", "precision", "recall", "F1", "SHD", "F1, weak counted", title="Score on strong edges")

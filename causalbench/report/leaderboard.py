@@ -17,12 +17,6 @@ from causalbench.store.cells import StoredCell
 
 Row = dict[str, Any]
 
-COLUMNS = (
-    "rank", "method", "grid_point", "backend", "seeds", "budget", "success_auc_iqm", "success_auc_iqm_low",
-    "success_auc_iqm_high", "steps_to_90", "reached_90", "steps_to_90_with_discovery", "final_success",
-    "final_success_sampled", "best_success", "held_rate", "reversals", "stopped_cells", "p_better_than_next",
-    "p_better_low", "p_better_high", "failed_cells", "sources", "verdict",
-)  # fmt: skip
 FAILED = {"failed", "timeout", "diverged", "skipped", "damaged"}
 
 
@@ -134,12 +128,12 @@ def _summary(entry: Entry) -> Row:
         "steps_to_90_with_discovery": _median(
             row["steps_to_90"] and row["steps_to_90"] + row["discovery_env_steps"] for row in rows
         ),
-        "final_success": _mean(row["success_deterministic"] for row in rows),
-        "final_success_sampled": _mean(row["success_sampled"] for row in rows),
+        "success_deterministic": _mean(row["success_deterministic"] for row in rows),
+        "success_sampled": _mean(row["success_sampled"] for row in rows),
         "best_success": _mean(row["best_success"] for row in rows),
         "held_rate": _mean(row["held_rate"] for row in rows if row["held_rate"] is not None),
         "stopped_cells": sum(row["stopped_at"] is not None for row in rows),
-        "reversals": _mean(row["reversals_per_1000_steps"] for row in rows),
+        "reversals_per_1000_steps": _mean(row["reversals_per_1000_steps"] for row in rows),
         "failed_cells": entry.failed,
     }
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from causalbench.core.discovery.edges import RESERVED, edge_rows, evidence_columns
+from causalbench.core.discovery.edges import edge_rows, evidence_columns
 from causalbench.core.learners.records import Evaluation
 from causalbench.errors import RunFolderError
-from causalbench.report.leaderboard import COLUMNS as LEADERBOARD_COLUMNS
+from causalbench.report.columns import KEYS, TABLES
 from causalbench.report.leaderboard import leaderboard
 from causalbench.report.stats import area_under, wilson
 from causalbench.store.cells import StoredCell
@@ -17,35 +17,29 @@ from causalbench.store.records import Counts, write_rows
 from causalbench.store.run_folder import RunFolder
 
 Row = dict[str, Any]
-
-KEYS = ("task", "backend", "method", "grid_point", "seed")
-RESULTS = (
-    *KEYS, "budget", "success_auc", "steps_to_90", "stopped_at", "env_steps", "discovery_env_steps", "episodes",
-    "success_deterministic", "success_sampled", "success_low", "success_high", "best_success", "held_rate",
-    "mean_final_stage", "reversals_per_episode", "reversals_per_1000_steps", "mean_return", "graph", "source",
-)  # fmt: skip
-CURVES = (*KEYS, "env_steps", "success_deterministic", "success_sampled", "reversals", "mean_final_stage")
-RETURNS = ("cell", "env_steps", "term", "mean_return")
-DISCOVERY = RESERVED
-"""The columns that `discovery.csv` has whatever the discoverer; those of the evidence follow."""
-STAGES = (*KEYS, "quantity", "from_stage", "to_stage", "count")
-TIMING = ("cell", "state", "seconds", "env_steps", "env_steps_per_second")
+Table = tuple[Sequence[str], list[Row]]
 
 
-def write_tables(run: RunFolder) -> list[Row]:
-    """Write every table of `run` from its cells; returns the leaderboard's rows."""
-    cells = run.cells()
+def write_tables(run: RunFolder) -> None:
+    """Write every table of `run` from its cells."""
+    for file, (columns, rows) in tables(run.cells()).items():
+        write_rows(run.path / file, columns, rows)
+
+
+def tables(cells: Sequence[StoredCell]) -> dict[str, Table]:
+    """File -> names of its columns and its rows: all that the cells of a run say."""
     learned = [cell for cell in cells if cell.is_done("learner")]
-    discovered = [cell for cell in cells if cell.is_done("discovery")]
-    board = leaderboard(result_rows(cells), cells)
-    write_rows(run.path / "results.csv", RESULTS, result_rows(cells))
-    write_rows(run.path / "curves.csv", CURVES, (row for cell in learned for row in _curve_rows(cell)))
-    write_rows(run.path / "returns.csv", RETURNS, (row for cell in learned for row in _return_rows(cell)))
-    write_rows(run.path / "stages.csv", STAGES, (row for cell in learned for row in _stage_rows(cell)))
-    write_rows(run.path / "discovery.csv", *_discovery_table(discovered))
-    write_rows(run.path / "leaderboard.csv", LEADERBOARD_COLUMNS, board)
-    write_rows(run.path / "timing.csv", TIMING, map(_timing_row, cells))
-    return board
+    results = result_rows(cells)
+    rows = {
+        "results.csv": results,
+        "curves.csv": [row for cell in learned for row in _curve_rows(cell)],
+        "returns.csv": [row for cell in learned for row in _return_rows(cell)],
+        "stages.csv": [row for cell in learned for row in _stage_rows(cell)],
+        "leaderboard.csv": leaderboard(results, cells),
+        "timing.csv": [_timing_row(cell) for cell in cells],
+    }
+    edges = _discovery_table([cell for cell in cells if cell.is_done("discovery")])
+    return {file: (TABLES[file], found) for file, found in rows.items()} | {"discovery.csv": edges}
 
 
 def merged_leaderboard(runs: Sequence[RunFolder]) -> list[Row]:
@@ -111,7 +105,7 @@ def _curve_rows(cell: StoredCell) -> Iterator[Row]:
             "env_steps": evaluation.env_steps,
             "success_deterministic": evaluation.success_deterministic,
             "success_sampled": evaluation.success_sampled,
-            "reversals": evaluation.reversals_per_episode,
+            "reversals_per_episode": evaluation.reversals_per_episode,
             "mean_final_stage": evaluation.mean_final_stage,
         }
 
@@ -119,7 +113,7 @@ def _curve_rows(cell: StoredCell) -> Iterator[Row]:
 def _return_rows(cell: StoredCell) -> Iterator[Row]:
     for evaluation in cell.evaluations():
         for term, value in evaluation.term_returns.items():
-            yield dict(zip(RETURNS, (cell.id, evaluation.env_steps, term, value), strict=True))
+            yield _keys(cell) | {"env_steps": evaluation.env_steps, "term": term, "mean_term_return": value}
 
 
 def _stage_rows(cell: StoredCell) -> Iterator[Row]:
@@ -129,23 +123,24 @@ def _stage_rows(cell: StoredCell) -> Iterator[Row]:
     rows += [("transitions", i, j, n) for i, j, n in counts.transitions]
     rows += [("updates", None, s, n) for s, n in counts.updates.items()]
     for row in rows:
-        yield _keys(cell) | dict(zip(STAGES[len(KEYS) :], row, strict=True))
+        yield dict(zip(TABLES["stages.csv"], (*_keys(cell).values(), *row), strict=True))
 
 
-def _discovery_table(cells: Sequence[StoredCell]) -> tuple[tuple[str, ...], list[Row]]:
-    """Names of the columns and one row per edge of every discovery."""
+def _discovery_table(cells: Sequence[StoredCell]) -> Table:
+    """One row per edge of every discovery, with the evidence of all discoverers."""
     evidence, rows = dict[str, None](), list[Row]()
     for cell in cells:
         graph, effects = cell.graph(), cell.effects()
         evidence |= dict.fromkeys(evidence_columns(graph))
-        keys = (cell.task, cell.backend, cell.grid_point, cell.seed)
+        keys = {key: getattr(cell, key) for key in KEYS if key != "method"}
         for row in edge_rows(graph):
-            effect = effects.get((row["stage"], row["reward"], row["action"]), {})
-            rows.append(dict(zip(DISCOVERY, keys, strict=False)) | row | effect)
-    return (*DISCOVERY, *evidence), rows
+            effect = effects.get((row["stage"], row["term"], row["action"]), {})
+            rows.append(keys | row | effect)
+    return (*TABLES["discovery.csv"], *evidence), rows
 
 
 def _timing_row(cell: StoredCell) -> Row:
     status = cell.status
     speed = status.env_steps / status.seconds if status.seconds and status.env_steps else None
-    return dict(zip(TIMING, (cell.id, status.state, status.seconds, status.env_steps, speed), strict=True))
+    row = (cell.id, status.state, status.seconds, status.env_steps, speed)
+    return dict(zip(TABLES["timing.csv"], row, strict=True))

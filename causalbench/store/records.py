@@ -65,13 +65,13 @@ def _evaluation(row: dict[str, str]) -> Evaluation:
 
 
 def read_effects(path: Path) -> dict[tuple[int, str, str], dict[str, str]]:
-    """(stage, reward, action) -> what `oracle.csv` says of the edge, as it stands there.
+    """(stage, term, action) -> what `oracle.csv` says of the edge, as it stands there.
 
     Its columns are `ORACLE`, each with the prefix "oracle_".
     """
     with _reading(path):
         return {
-            (int(row["stage"]), row["reward"], row["action"]): {f"oracle_{name}": row[name] for name in ORACLE}
+            (int(row["stage"]), row["term"], row["action"]): {f"oracle_{name}": row[name] for name in ORACLE}
             for row in _rows(path)
         }
 

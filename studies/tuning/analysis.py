@@ -19,32 +19,32 @@ SCORE = ["success_auc", "stage_auc"]
 
 def scored(run: Path) -> pd.DataFrame:
     """Rows of results.csv with `stage_auc`, the area under the share of the task's stages that an episode leaves."""
-    curves = pd.read_csv(run / "curves.csv").groupby(["method", "variant", "seed"])
+    curves = pd.read_csv(run / "curves.csv").groupby(["method", "grid_point", "seed"])
     areas = {
         key: area_under(list(c["env_steps"]), list((c["mean_final_stage"] - 1) / N_STAGES), STEPS) for key, c in curves
     }
     results = pd.read_csv(run / "results.csv")
-    keys = zip(results["method"], results["variant"], results["seed"], strict=True)
+    keys = zip(results["method"], results["grid_point"], results["seed"], strict=True)
     return results.assign(stage_auc=[areas[key] for key in keys])
 
 
-def preset_of(method: str, variants: list[str]) -> str:
-    """The variant that is the preset of the method's learner."""
+def preset_of(method: str, grid_points: list[str]) -> str:
+    """The grid point that is the preset of the method's learner."""
     values = PRESET[method[-3:]].items()
-    (found,) = (v for v in variants if all(f"{key}={value:g}" in v for key, value in values))
+    (found,) = (v for v in grid_points if all(f"{key}={value:g}" in v for key, value in values))
     return found
 
 
 def chosen(rows: pd.DataFrame) -> pd.DataFrame:
-    """A row per method: the variant that it takes by the rule above, with its mean scores."""
+    """A row per method: the grid point that it takes by the rule above, with its mean scores."""
     out = []
     for method, own in rows.groupby("method"):
-        scores = {v: list(map(tuple, at.sort_values("seed")[SCORE].to_numpy())) for v, at in own.groupby("variant")}
+        scores = {v: list(map(tuple, at.sort_values("seed")[SCORE].to_numpy())) for v, at in own.groupby("grid_point")}
         preset = preset_of(method, list(scores))
         better = [v for v, s in scores.items() if all(a > b for a, b in zip(s, scores[preset], strict=True))]
-        mean = own.groupby("variant")[SCORE].mean()
-        best = max(better, key=lambda variant: tuple(mean.loc[variant]), default=preset)
-        out.append({"method": method, "variant": best, "preset": best == preset} | dict(mean.loc[best]))
+        mean = own.groupby("grid_point")[SCORE].mean()
+        best = max(better, key=lambda point: tuple(mean.loc[point]), default=preset)
+        out.append({"method": method, "grid_point": best, "preset": best == preset} | dict(mean.loc[best]))
     return pd.DataFrame(out)
 
 

@@ -107,7 +107,7 @@ def test_transitions_of_training_add_up_to_the_budget(finished_run: Path) -> Non
 def test_discovery_rows_have_the_oracles_effects_and_the_graph_its_score(finished_run: Path) -> None:
     graph = json.loads(next(finished_run.glob("discovery/*/graph.json")).read_text())
     truth = rows(next(finished_run.glob("discovery/*/oracle.csv")))
-    keys, said = ("stage", "reward", "action"), ("effect", "effect_low", "effect_high", "grade")
+    keys, said = ("stage", "term", "action"), ("effect", "effect_low", "effect_high", "grade")
     beside = [
         [*(row[k] for k in keys), *(row[f"oracle_{s}"] for s in said)] for row in rows(finished_run / "discovery.csv")
     ]

@@ -1,4 +1,4 @@
-"""A causal graph as tables: one long row per (stage, reward, action)."""
+"""A causal graph as tables: one long row per (stage, term, action)."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ def evidence_table(graph: CausalGraph) -> pd.DataFrame:
 
 
 def oracle_table(graph: CausalGraph, truth: Sequence[StageTruth]) -> pd.DataFrame:
-    """One row per (stage, reward, action): effect with its interval, grade, and whether discovery selected it.
+    """One row per (stage, term, action): effect with its interval, grade, and whether discovery selected it.
 
     `floor` is the effect that repeating the same action shows: 0 where restoring is exact.
     """
     rows = [
         {
             "stage": stage.stage,
-            "reward": term,
+            "term": term,
             "action": action,
             "effect": stage.effect[k, j],
             "effect_low": stage.low[k, j],
             "effect_high": stage.high[k, j],
             "floor": stage.floor[j],
             "grade": grades[k][j].value,
-            "selected": bool(found.matrix[k, j]),
+            "selected": int(found.matrix[k, j]),
         }
         for found, stage in zip(graph.stages, truth, strict=True)
         for grades in [stage.grades()]

@@ -151,12 +151,12 @@ def test_the_evidence_has_one_row_per_edge_in_the_order_of_the_task():
     graph = discover(TASK, make, small, 0, _quiet)
     table = evidence_table(graph)
     assert list(table.columns) == [
-        *("stage", "reward", "action", "selected", "in_policy", "kl", "kl_forward", "kl_reverse", "kl_symmetric"),
+        *("stage", "term", "action", "selected", "in_policy", "kl", "kl_forward", "kl_reverse", "kl_symmetric"),
         *("kl_normalised", "q_value", "cv"),
     ]
     edges = [(g.stage, term, action) for g in graph.stages for term in g.terms for action in g.actions]
-    assert list(zip(table.stage, table.reward, table.action, strict=True)) == edges
-    third = table[(table.stage == 3) & (table.reward == "r_gripper")]
+    assert list(zip(table.stage, table.term, table.action, strict=True)) == edges
+    third = table[(table.stage == 3) & (table.term == "r_gripper")]
     np.testing.assert_array_equal(third.kl, graph.stages[2].evidence["kl"][:, 1])
     np.testing.assert_array_equal(third.cv, graph.stages[2].evidence["cv"][[1] * 7])
 

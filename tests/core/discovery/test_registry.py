@@ -128,7 +128,7 @@ def test_rows_of_edges_have_the_same_columns_for_all_and_then_the_evidence(name,
     table = list(edge_rows(graph))
     shown = [column.name for column in graph.columns if column.per != "stage"]
     assert list(table[0]) == [*EDGE, *shown]
-    assert [(row["reward"], row["action"]) for row in table] == [
+    assert [(row["term"], row["action"]) for row in table] == [
         (reward, action) for reward in ("r_0", "r_1") for action in ("armx", "army", "armz")
     ]
     for row, selected in zip(table, graph.stages[0].matrix.T.ravel(), strict=True):

@@ -1,0 +1,185 @@
+"""The data dictionary: what each column of each CSV file means, and the columns of each file in order.
+
+A name means the same in every file. `python -m causalbench.report.columns` makes `docs/reference/tables.md` of it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+DType = Literal["string", "Int64", "Float64"]
+"""pandas' names; an empty cell of the file is a missing value."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column: dtype, unit ("" for a name or a share), and a sentence."""
+
+    dtype: DType
+    unit: str
+    sentence: str
+
+
+def _text(sentence: str) -> Column:
+    return Column("string", "", sentence)
+
+
+def _count(unit: str, sentence: str) -> Column:
+    return Column("Int64", unit, sentence)
+
+
+def _number(unit: str, sentence: str) -> Column:
+    return Column("Float64", unit, sentence)
+
+
+COLUMNS: dict[str, Column] = {
+    # What a row is of
+    "task": _text("The task's name."),
+    "backend": _text('The backend\'s name; in the leaderboard "all" stands for all backends together.'),
+    "method": _text("The method's name: a row of the method table."),
+    "grid_point": _text("What the suite's `grid` set in this cell, such as `learner.gamma=0.9`; empty without a grid."),
+    "seed": _count("", "The seed of training and evaluation, or of a discovery."),
+    "cell": _text("The cell's id, which is its folder's name."),
+    "state": _text("How the cell ended: done, failed, timeout, diverged, skipped, damaged."),
+    # Steps
+    "env_steps": _count("environment steps", "Control steps taken so far, in all worlds together."),
+    "budget": _count("environment steps", "What the suite lets a training run take; curves and areas end there."),
+    "stopped_at": _count("environment steps", "Where training ended before its budget (`stop_after`); empty if not."),
+    "discovery_env_steps": _count("environment steps", "What the method's causal graph cost; 0 without one."),
+    # Evaluation
+    "episodes": _count("episodes", "Episodes of each kind, deterministic and sampled, in the evaluation."),
+    "success_deterministic": _number("", "Share of episodes from stage 1 that the policy's mean action solves."),
+    "success_sampled": _number("", "The same with actions drawn from the policy."),
+    "success_low": _number("", "Lower end of the 95% Wilson interval of `success_deterministic`."),
+    "success_high": _number("", "Upper end of that interval."),
+    "best_success": _number("", "The highest `success_deterministic` of any evaluation."),
+    "held_rate": _number("", "Share of successes that stood the task's own test (lift and hold); empty without any."),
+    "success_auc": _number(
+        "", "Area under the curve of `success_deterministic` over `env_steps`, as a share of the budget."
+    ),
+    "steps_to_90": _number(
+        "environment steps",
+        "Training steps at the first evaluation with at least 90% deterministic success; empty if there was none. "
+        "In the leaderboard the median over seeds, one that never got there counting as infinity.",
+    ),
+    "mean_final_stage": _number("stages", "Mean stage in which deterministic episodes end; success is one more."),
+    "mean_length": _number("control steps", "Mean length of deterministic episodes."),
+    "mean_return": _number("reward", "Mean undiscounted return of a deterministic episode, all terms together."),
+    "mean_term_return": _number("reward", "Mean undiscounted return of one reward term in a deterministic episode."),
+    "reversals_per_episode": _number("reversals", "Reversals in a deterministic episode, on average."),
+    "reversals_per_1000_steps": _number("reversals", "Reversals per 1,000 environment steps of training."),
+    "graph": _text("Hash of the causal graph that the method used; empty without one."),
+    "source": _text("Hashes of the source code that made the cell."),
+    # Stages
+    "quantity": _text(
+        "What `count` counts: training episodes that reached `to_stage`, transitions (environment steps from "
+        "`from_stage` to `to_stage`), or gradient updates of the agent of `to_stage`."
+    ),
+    "from_stage": _count("", "Stage before the step; empty where `quantity` is of one stage."),
+    "to_stage": _text('Stage after the step, or the stage that `quantity` is of; "all" for an agent of all stages.'),
+    "count": _count("", "How many."),
+    # Leaderboard
+    "rank": _count("", "Place on the backend's board; methods that the seeds do not tell apart share one."),
+    "seeds": _count("seeds", "Seeds finished on every backend of the board."),
+    "success_auc_iqm": _number("", "Interquartile mean of `success_auc` over seeds and backends; what is ranked by."),
+    "success_auc_iqm_low": _number("", "Lower end of its 95% bootstrap interval; empty for fewer than five seeds."),
+    "success_auc_iqm_high": _number("", "Upper end of that interval."),
+    "reached_90": _count(
+        "seeds", "Cells of all backends that reached 90%; `steps_to_90` counts the others as infinity."
+    ),
+    "stopped_cells": _count("cells", "Cells that ended before their budget (`stop_after`)."),
+    "steps_to_90_with_discovery": _number("environment steps", "`steps_to_90` and what the causal graph cost."),
+    "p_better_than_next": _number("", "Probability that a seed of this method beats one of the method ranked below."),
+    "p_better_low": _number("", "Lower end of its interval, at a level corrected for all comparisons of the board."),
+    "p_better_high": _number("", "Upper end of that interval."),
+    "failed_cells": _count("cells", "Cells that failed, diverged, timed out, were skipped or are damaged."),
+    "sources": _count("", "Versions of the source code that made the cells of the board; above 1 it mixes code."),
+    "verdict": _text("What the seeds allow one to say, in words."),
+    # Discovery
+    "stage": _text('The stage, from 1; "all" for the whole graph.'),
+    "term": _text("The reward term."),
+    "action": _text("The action."),
+    "selected": _count("", "1 where the discovery says that the action causes the term, else 0."),
+    "in_policy": _count("", "1 where a policy sets the action in this stage, else 0."),
+    "effect": _number("", "Share of the term's variance that the action causes, as the oracle measures it."),
+    "effect_low": _number("", "Lower end of its 95% interval."),
+    "effect_high": _number("", "Upper end of that interval."),
+    "floor": _number("", "The effect that repeating the same action shows: 0 where the simulator restores exactly."),
+    "grade": _text("The oracle's grade of the edge: absent, weak, strong, or untestable where the term never varies."),
+    "oracle_effect": _number("", "`effect` of the edge, beside what was discovered; empty without an oracle."),
+    "oracle_effect_low": _number("", "`effect_low` of the edge."),
+    "oracle_effect_high": _number("", "`effect_high` of the edge."),
+    "oracle_grade": _text("`grade` of the edge."),
+    "precision": _number("", "Share of selected edges that are strong, among strong and absent ones."),
+    "recall": _number("", "Share of strong edges that were selected."),
+    "f1": _number("", "Harmonic mean of precision and recall."),
+    "shd": _count("edges", "Structural Hamming distance: edges that would have to be added or removed."),
+    "f1_weak_present": _number("", "F1 with weak edges counted as present."),
+    # Time
+    "seconds": _number("s", "Wall-clock time that the cell took."),
+    "env_steps_per_second": _number("1/s", "`env_steps` over `seconds`."),
+}
+
+KEYS = ("task", "backend", "method", "grid_point", "seed")
+EDGE_KEYS = ("task", "backend", "grid_point", "seed", "stage", "term", "action", "selected", "in_policy")
+EFFECT = ("effect", "effect_low", "effect_high")
+
+TABLES: dict[str, tuple[str, ...]] = {
+    "results.csv": (
+        *KEYS, "budget", "success_auc", "steps_to_90", "stopped_at", "env_steps", "discovery_env_steps", "episodes",
+        "success_deterministic", "success_sampled", "success_low", "success_high", "best_success", "held_rate",
+        "mean_final_stage", "reversals_per_episode", "reversals_per_1000_steps", "mean_return", "graph", "source",
+    ),
+    "curves.csv": (
+        *KEYS, "env_steps", "success_deterministic", "success_sampled", "reversals_per_episode", "mean_final_stage",
+    ),
+    "returns.csv": (*KEYS, "env_steps", "term", "mean_term_return"),
+    "stages.csv": (*KEYS, "quantity", "from_stage", "to_stage", "count"),
+    "discovery.csv": (*EDGE_KEYS, *(f"oracle_{name}" for name in EFFECT), "oracle_grade"),
+    "leaderboard.csv": (
+        "rank", "method", "grid_point", "backend", "seeds", "budget", "success_auc_iqm", "success_auc_iqm_low",
+        "success_auc_iqm_high", "steps_to_90", "reached_90", "steps_to_90_with_discovery", "success_deterministic",
+        "success_sampled", "best_success", "held_rate", "reversals_per_1000_steps", "stopped_cells",
+        "p_better_than_next", "p_better_low", "p_better_high", "failed_cells", "sources", "verdict",
+    ),
+    "timing.csv": ("cell", "state", "seconds", "env_steps", "env_steps_per_second"),
+    "cells/*/progress.csv": (
+        "env_steps", "episodes", "success_deterministic", "success_sampled", "held_rate", "reversals_per_episode",
+        "mean_final_stage", "mean_length",
+    ),
+    "discovery/*/evidence.csv": ("stage", "term", "action", "selected", "in_policy"),
+    "discovery/*/oracle.csv": ("stage", "term", "action", *EFFECT, "floor", "grade", "selected"),
+    "discovery/*/score.csv": ("stage", "precision", "recall", "f1", "shd", "f1_weak_present"),
+}  # fmt: skip
+"""File -> its columns, in order. What else a file has is said in `FURTHER`."""
+
+FURTHER = {
+    "discovery.csv": "Then the evidence of the discoverers, as `evidence.csv` has it.",
+    "cells/*/progress.csv": "Then `return_<term>` for each reward term: see `mean_term_return`.",
+    "discovery/*/evidence.csv": "Then the columns that the discoverer describes in `graph.json`, each with a sentence.",
+}
+
+PAGE = """\
+# Tables
+
+Made by `python -m causalbench.report.columns` from [columns.py](../../causalbench/report/columns.py). A name means the
+same in every file; an empty cell is a missing value. `causalbench.load_results(folder)` gives the files of a run as
+pandas frames with these dtypes.
+"""
+
+
+def page() -> str:
+    """The page `docs/reference/tables.md`."""
+    parts = [PAGE]
+    for file, names in TABLES.items():
+        parts.append(f"\n## {file}\n\n| column | dtype | unit | |\n|---|---|---|---|\n")
+        columns = ((name, COLUMNS[name]) for name in names)
+        parts += [f"| `{name}` | {found.dtype} | {found.unit} | {found.sentence} |\n" for name, found in columns]
+        parts.append(f"\n{FURTHER[file]}\n" if file in FURTHER else "")
+    return "".join(parts)
+
+
+if __name__ == "__main__":
+    Path("docs/reference/tables.md").write_text(page(), encoding="utf-8")

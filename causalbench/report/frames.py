@@ -1,0 +1,49 @@
+"""A run's tables as pandas frames: `causalbench.load_results`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from causalbench.errors import RunFolderError
+from causalbench.report.columns import COLUMNS
+from causalbench.report.tables import tables
+from causalbench.store.run_folder import RunFolder
+
+
+@dataclass(frozen=True)
+class Results:
+    """The tables of a run, named like its CSV files; their columns are those of `docs/reference/tables.md`."""
+
+    results: pd.DataFrame
+    curves: pd.DataFrame
+    returns: pd.DataFrame
+    stages: pd.DataFrame
+    discovery: pd.DataFrame
+    leaderboard: pd.DataFrame
+    timing: pd.DataFrame
+
+
+def load_results(folder: str | PathLike[str]) -> Results:
+    """What the finished cells of the run in `folder` say, as they lie there now, each file checked against its digest.
+
+    A missing value is `pandas.NA`. Raises `RunFolderError` for a folder without cells, and names what is damaged.
+    """
+    run = RunFolder(Path(folder))
+    if problems := run.problems():
+        raise RunFolderError("; ".join(problems))
+    cells = run.cells()
+    if not cells:
+        raise RunFolderError(f"{folder}: no cells here; give the folder that `causalbench run` wrote")
+    frames = {Path(file).stem: _frame(columns, rows) for file, (columns, rows) in tables(cells).items()}
+    return Results(**frames)
+
+
+def _frame(columns: Sequence[str], rows: Sequence[dict[str, Any]]) -> pd.DataFrame:
+    frame = pd.DataFrame.from_records(list(rows), columns=list(columns))
+    return frame.replace({"": pd.NA}).astype({name: COLUMNS[name].dtype for name in columns if name in COLUMNS})
