@@ -5,7 +5,7 @@ from causalbench.core.tasks import pure_manipulation
 from causalbench.core.tasks.gym_task import GymTask, Seen
 from causalbench.core.tasks.lift_and_hold import lift_and_hold
 from causalbench.core.tasks.stage_task import CausalSets, StageTask, Term, by_name, causal_sets
-from causalbench.core.tasks.stages import active_terms
+from causalbench.core.tasks.stages import active_terms, staged_potential
 from causalbench.core.tasks.task import Expert, Task
 from causalbench.core.world.capabilities import Capability
 from causalbench.core.world.facts import Facts
@@ -33,5 +33,6 @@ __all__ = [
     "hookimpl",
     "lift_and_hold",
     "pure_manipulation",
+    "staged_potential",
     "rotations",
 ]

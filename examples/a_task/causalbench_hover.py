@@ -21,6 +21,7 @@ from causalbench.task import (
     causal_sets,
     hookimpl,
     pure_manipulation,
+    staged_potential,
 )
 
 Array = NDArray[np.float64]
@@ -72,6 +73,13 @@ def rewards(previous: Facts, before: NDArray[np.int64], action: Array, now: Fact
     return np.concatenate([approach, np.asarray(bonus, dtype=float)[..., None]], axis=-1) * ACTIVE[before]
 
 
+def potential(state: Array, now: NDArray[np.int64]) -> Array:
+    """How far along the task is, for learners that climb one reward: nothing is gained by falling back."""
+    away = C.per_metre * np.abs(state)
+    left = [away[..., 0] + away[..., 1], away[..., 2]]
+    return staged_potential(now, left, [C.per_metre, C.per_metre], C.bonus)
+
+
 def state_bounds(workspace: Workspace) -> tuple[Array, Array]:
     """Where the offset normally lies, metres."""
     del workspace  # the offset does not depend on where the table stands
@@ -114,6 +122,8 @@ TASK = Task(
     rewards=rewards,
     expert=expert,
     requires=frozenset[Capability](),
+    potential=potential,
+    potential_terms=("r_x", "r_y", "r_z", "r_success"),
 )
 
 

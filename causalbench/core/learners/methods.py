@@ -46,7 +46,7 @@ ONE_AGENT = (
     Method("SAC", "SB3-SAC", "full", "scalar", "none"),
     Method("PPO", "SB3-PPO", "full", "scalar", "none"),
 )
-"""One agent of stable-baselines3's for all stages, on the summed reward."""
+"""One agent of stable-baselines3's for all stages, on one reward: see `scalars`."""
 
 
 def _ablations(learner: str) -> tuple[Method, ...]:

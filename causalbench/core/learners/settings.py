@@ -11,6 +11,9 @@ from annotated_types import Ge, Gt
 CriticLayout = Literal["rows", "heads", "terms"]
 """One critic per distinct row of the matrix, the same as heads of one network, or one critic per reward term."""
 
+ScalarName = Literal["shaped", "paper", "first_entry"]
+"""What a learner that climbs one reward makes of the reward vector: see `scalars`."""
+
 
 @dataclass(frozen=True)
 class StagedSettings:

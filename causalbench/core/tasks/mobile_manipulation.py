@@ -20,7 +20,7 @@ from causalbench.core.numerics.gufunc import broadcast
 from causalbench.core.tasks import rooms
 from causalbench.core.tasks.reward_scales import HORIZON, SCALES
 from causalbench.core.tasks.stage_task import CausalSets, Term, by_name, causal_sets
-from causalbench.core.tasks.stages import active_terms
+from causalbench.core.tasks.stages import active_terms, staged_potential
 from causalbench.core.tasks.task import Task
 from causalbench.core.world.capabilities import Capability
 from causalbench.core.world.facts import Facts
@@ -237,6 +237,18 @@ def _rewards(
         out[term] = scale[term] * out[term] if scale[term] > 0.0 else 0.0
 
 
+def potential(state: Array, stage: NDArray[np.int64]) -> Array:
+    """See `StageTask.potential`: distance, bearing and the hand's error, each in its stage, at the terms' scales."""
+    rho, theta = state[..., 0], state[..., 1]
+    ahead, aside = rho * np.cos(theta) - state[..., 5], rho * np.sin(theta) - state[..., 6]
+    error = np.abs(ahead) + np.abs(aside) + np.abs(state[..., 2] - state[..., 7])
+    beyond = np.maximum(rho - C.near, 0.0)
+    left = [SCALES.distance * beyond, SCALES.angle * np.abs(theta), SCALES.distance * error]
+    furthest = 2 * math.hypot(*rooms.ROOM_HALF_EXTENTS)
+    most = [SCALES.distance * (furthest - C.near), SCALES.angle * math.pi, SCALES.distance * 3 * C.near]
+    return staged_potential(stage, left, most, SCALES.stage_bonus)
+
+
 def expert(facts: Facts, spec: SceneSpec, layout: Layout | Sequence[Layout] | None = None) -> Array:
     """Scripted macro action (..., 5): what the stage asks for and nothing else.
 
@@ -292,4 +304,6 @@ TASK = Task(
     camera="room",
     observes=frozenset({"lidar"}),
     paper_sensor="lidar",
+    potential=potential,
+    potential_terms=("r_rho", "r_theta", "r_eefx", "r_eefy", "r_eefz", "r_success"),
 )

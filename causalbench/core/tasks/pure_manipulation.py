@@ -20,7 +20,7 @@ from causalbench.core.numerics.gufunc import broadcast
 from causalbench.core.tasks import lift_and_hold as lifting
 from causalbench.core.tasks.reward_scales import HORIZON, SCALES
 from causalbench.core.tasks.stage_task import CausalSets, Term, by_name, causal_sets
-from causalbench.core.tasks.stages import active_terms
+from causalbench.core.tasks.stages import active_terms, staged_potential
 from causalbench.core.tasks.task import Task
 from causalbench.core.world.facts import Facts
 from causalbench.core.world.layout import Box, Layout, Workspace
@@ -53,6 +53,7 @@ class Constants(NamedTuple):
     tolerance_grasp: float = 0.012
     early_close: float = -0.5  # reward
     grasp: float = 5.0  # reward
+    farthest: float = 1.5  # of the hand from the hover point, summed over the axes, from where on the potential is 0
     expert_gain: float = 0.5  # share of an error that the expert removes in a control step
 
 
@@ -268,6 +269,18 @@ def _rewards(
         out[term] = scale[term] * out[term] if scale[term] > 0.0 else 0.0
 
 
+def potential(state: Array, stage: NDArray[np.int64]) -> Array:
+    """See `StageTask.potential`: the hand's distances and tilt, each in its stage, at the scales of the terms."""
+    x, y, z = (state[..., axis] - state[..., 3 + axis] for axis in range(3))
+    away = np.abs(x) + np.abs(y) + np.abs(z + C.hover)
+    askew = np.arccos(np.clip(2.0 * (state[..., 8] ** 2 + state[..., 9] ** 2) - 1.0, -1.0, 1.0))
+    above = np.abs(z + C.grasp_height)
+    left = [SCALES.distance * away, SCALES.angle * askew, SCALES.distance * above, np.zeros_like(above)]
+    highest = C.hover + C.tolerance_hover
+    most = [SCALES.distance * C.farthest, SCALES.angle * math.pi, SCALES.distance * highest, 0.0]
+    return staged_potential(stage, left, most, SCALES.stage_bonus)
+
+
 def expert(facts: Facts, spec: SceneSpec, layout: Layout | Sequence[Layout] | None = None) -> Array:
     """Scripted macro action (..., 7): proportional control of what the stage asks for and nothing else."""
     del layout  # nothing is in the way
@@ -313,4 +326,6 @@ TASK = Task(
     paper_sensor="rgb",
     observes=frozenset({"gripper"}),
     after_success=lifting.lift_and_hold,
+    potential=potential,
+    potential_terms=("r_eefx", "r_eefy", "r_eefz1", "r_ori", "r_eefz2", "r_success"),
 )

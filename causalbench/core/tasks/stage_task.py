@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
+
+from numpy.typing import NDArray
 
 from causalbench.errors import UserError
 
@@ -46,7 +48,10 @@ class StageTask:
     - `state_names`: the variables that policies observe;
     - `horizon`: control steps of an episode;
     - `manual_graph`: the human's causal graph; may be empty or name some stages and terms only;
-    - `paper_sensor`: what the paper's agents observe beside the state, a capability of the world; "" for nothing.
+    - `paper_sensor`: what the paper's agents observe beside the state, a capability of the world; "" for nothing;
+    - `potential(state, stage)`: how far along the task is, (...) from 0 up, from the observed state (..., n_state) and
+      U(s) (...), from 1; None where there is none. It stands for the terms of `potential_terms` where a learner climbs
+      one reward: see `causalbench.core.learners.scalars`.
 
     Raises `UserError` for a name or a stage that does not exist.
     """
@@ -62,6 +67,8 @@ class StageTask:
     constants: Mapping[str, Any]
     manual_graph: CausalSets
     paper_sensor: Sensor = ""
+    potential: Callable[[NDArray[Any], NDArray[Any]], NDArray[Any]] | None = None
+    potential_terms: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         for kind, names in (("actions", self.actions), ("terms", self.term_names), ("state_names", self.state_names)):
@@ -74,6 +81,11 @@ class StageTask:
             unknown = {*row} - {*self.stage_terms(stage)} | {*frozenset().union(*row.values())} - {*self.actions}
             if unknown:
                 raise UserError(f"task {self.name!r}: manual_graph: stage {stage} has no {', '.join(sorted(unknown))}")
+        if bool(self.potential) != bool(self.potential_terms) or not {*self.potential_terms} <= {*self.term_names}:
+            raise UserError(
+                f"task {self.name!r}: `potential` and `potential_terms`, some of {', '.join(self.term_names)}, must be "
+                "given together"
+            )
 
     def sensor_in(self, observation: str) -> Sensor:
         """The sensor that "state" or "paper" observes beside the state; "" for none."""

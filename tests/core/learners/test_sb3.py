@@ -12,9 +12,10 @@ from causalbench.core.kinematic import make
 from causalbench.core.learners.policy import ObservationScale, StagedPolicy, load_policy
 from causalbench.core.learners.ppo import settings as ppo
 from causalbench.core.learners.sac import settings as sac
+from causalbench.core.learners.sb3.scalar_reward_env import ScalarRewardEnv
 from causalbench.core.learners.sb3.settings import PPO_PRESETS, SAC_PRESETS, SB3PPOSettings, SB3SACSettings
-from causalbench.core.learners.sb3.summed_reward_env import SummedRewardEnv
 from causalbench.core.learners.sb3.training import exported_actor, make_ppo, make_sac
+from causalbench.core.learners.scalars import make_scalar
 from causalbench.core.learners.settings import EvaluationSettings
 from causalbench.core.staged.env import StageTaskEnv
 from causalbench.core.staged.scene_worlds import SceneWorlds
@@ -59,7 +60,7 @@ def test_the_exported_policy_is_sb3s_own(name):
     settings = dataclasses.replace(TINY[name], learning_rate=1e-2)
     env = StageTaskVectorEnv(SceneWorlds(TASK, make_batch(make, settings.n_envs)))
     scale = ObservationScale.of(env.single_observation_space)
-    worlds = SummedRewardEnv(env, scale, seed=0)
+    worlds = ScalarRewardEnv(env, scale, make_scalar("shaped", TASK, 2, 0.99), seed=0)
     model = {"SAC": make_sac, "PPO": make_ppo}[name](settings, worlds, seed=0)
     model.learn(120)
     distribution = "squashed" if name == "SAC" else "gaussian"
@@ -69,15 +70,25 @@ def test_the_exported_policy_is_sb3s_own(name):
     np.testing.assert_allclose(policy.predict(obs)[0], theirs, atol=1e-6)
 
 
-def test_sb3_sees_the_summed_reward_and_time_limits():
+def test_sb3_sees_one_reward_and_time_limits():
     env = StageTaskVectorEnv(SceneWorlds(TASK, make_batch(make, 2)))
-    worlds = SummedRewardEnv(env, ObservationScale.of(env.single_observation_space), seed=0)
+    summed = make_scalar("paper", TASK, 2, 0.99)
+    worlds = ScalarRewardEnv(env, ObservationScale.of(env.single_observation_space), summed, seed=0)
     first = worlds.reset()
-    total = np.zeros(2)
+    total, expected = np.zeros(2), np.zeros(2)
+    step_of = env.step
+
+    def watched(actions):
+        found = step_of(actions)
+        expected[:] += found[1]
+        return found
+
+    env.step = watched
     for step in range(TASK.horizon):
         obs, rewards, over, infos = worlds.step(np.full((2, 7), 0.1 * (-1) ** step))
         total += rewards
         assert over.all() == (step == TASK.horizon - 1)
+    np.testing.assert_allclose(total, expected, rtol=1e-5)
     assert all(info["TimeLimit.truncated"] for info in infos)
     assert worlds.counter.counts.env_steps == 2 * TASK.horizon
     assert (infos[0]["terminal_observation"] != obs[0]).any()  # the next start is another
@@ -89,5 +100,6 @@ def test_a_preset_differs_from_the_staged_learners_in_nothing_that_both_have(our
     assert ours.keys() == theirs.keys()
     for name, preset in theirs.items():
         staged = dataclasses.asdict(ours[name])
-        assert {key: staged[key] for key in dataclasses.asdict(preset)} == dataclasses.asdict(preset)
+        shared = {key: value for key, value in dataclasses.asdict(preset).items() if key != "scalar"}
+        assert {key: staged[key] for key in shared} == shared
     assert theirs["quick"] == type(theirs["quick"])()  # what a suite without a preset takes

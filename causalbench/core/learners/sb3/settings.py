@@ -10,8 +10,9 @@ from annotated_types import Ge, Gt, Le
 
 from causalbench.core.learners.ppo import settings as ppo
 from causalbench.core.learners.sac import settings as sac
+from causalbench.core.learners.settings import ScalarName
 
-ABOUT = "stable-baselines3's own agent, one for all stages, on the summed reward"
+ABOUT = "stable-baselines3's own agent, one for all stages, on one reward"
 
 
 @dataclass(frozen=True)
@@ -31,6 +32,7 @@ class SB3SACSettings:
     n_envs: Annotated[int, Gt(0)] = 1  # scenes stepped by one agent
     observe_gripper: bool = True  # ours; the paper's observation has no gripper opening
     observation: Literal["state"] = "state"
+    scalar: ScalarName = "shaped"  # what the reward vector becomes; "paper": its sum, which pays for falling back
 
 
 @dataclass(frozen=True)
@@ -53,14 +55,18 @@ class SB3PPOSettings:
     n_envs: Annotated[int, Gt(0)] = 1  # scenes stepped by one agent
     observe_gripper: bool = True  # ours; the paper's observation has no gripper opening
     observation: Literal["state"] = "state"
+    scalar: ScalarName = "shaped"  # what the reward vector becomes; "paper": its sum, which pays for falling back
 
+
+OWN = ("scalar",)
+"""Settings that no staged learner has."""
 
 RecordT = TypeVar("RecordT", SB3SACSettings, SB3PPOSettings)
 
 
 def _presets(record: type[RecordT], staged: Mapping[str, Any]) -> dict[str, RecordT]:
     """The presets of a staged learner, as far as `record` has their settings: one thing differs between the rows."""
-    names = [field.name for field in fields(record)]
+    names = [field.name for field in fields(record) if field.name not in OWN]
     return {name: record(**{key: getattr(preset, key) for key in names}) for name, preset in staged.items()}
 
 

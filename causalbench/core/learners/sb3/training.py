@@ -1,6 +1,6 @@
-"""Reference rows: stable-baselines3's own SAC and PPO, one agent for all stages, on the summed reward.
+"""Reference rows: stable-baselines3's own SAC and PPO, one agent for all stages, on one reward a step.
 
-Same networks, observations, rewards and entropy start as the staged learners; counted and evaluated the same way.
+Same networks, observations and entropy start as the staged learners; counted and evaluated the same way.
 """
 
 from __future__ import annotations
@@ -22,8 +22,9 @@ from causalbench.core.learners.examiner import Examiner
 from causalbench.core.learners.policy import Distribution, ObservationScale, StagedPolicy
 from causalbench.core.learners.records import TrainingCounts
 from causalbench.core.learners.registry import Trained, TrainingProblem
+from causalbench.core.learners.sb3.scalar_reward_env import ScalarRewardEnv
 from causalbench.core.learners.sb3.settings import SB3PPOSettings, SB3SACSettings
-from causalbench.core.learners.sb3.summed_reward_env import SummedRewardEnv
+from causalbench.core.learners.scalars import make_scalar
 from causalbench.errors import DivergedError, UserError
 
 LOG = logging.getLogger(__name__)
@@ -39,7 +40,7 @@ def train_ppo(problem: TrainingProblem) -> Trained:
     return _train(problem, make_ppo, "gaussian")
 
 
-def make_sac(settings: SB3SACSettings, env: SummedRewardEnv, seed: int) -> SAC:
+def make_sac(settings: SB3SACSettings, env: ScalarRewardEnv, seed: int) -> SAC:
     """SB3's SAC; its buffer has room for the samples of all stages."""
     every = max(1, settings.train_every // settings.n_envs)
     return SAC(
@@ -51,7 +52,7 @@ def make_sac(settings: SB3SACSettings, env: SummedRewardEnv, seed: int) -> SAC:
     )  # fmt: skip
 
 
-def make_ppo(settings: SB3PPOSettings, env: SummedRewardEnv, seed: int) -> PPO:
+def make_ppo(settings: SB3PPOSettings, env: ScalarRewardEnv, seed: int) -> PPO:
     """SB3's PPO."""
     return PPO(
         "MlpPolicy", env, n_steps=max(1, settings.n_steps // settings.n_envs), n_epochs=settings.n_epochs,
@@ -132,7 +133,8 @@ def _train(problem: TrainingProblem, make: Callable[..., SAC | PPO], distributio
     if problem.checkpoints:
         LOG.info("stable-baselines3's own agents keep no checkpoints")
     with closing(problem.vector_env(settings.n_envs)) as env, closing(Examiner(problem)) as examiner:
-        worlds = SummedRewardEnv(env, ObservationScale.of(env.single_observation_space), problem.seed)
+        scalar = make_scalar(settings.scalar, problem.task, settings.n_envs, settings.gamma)
+        worlds = ScalarRewardEnv(env, ObservationScale.of(env.single_observation_space), scalar, problem.seed)
         with _global_generators_kept():
             model = make(settings, worlds, problem.seed)
             model.set_logger(configure(None, []))
@@ -141,7 +143,7 @@ def _train(problem: TrainingProblem, make: Callable[..., SAC | PPO], distributio
     return Trained(policy, worlds.counter.counts)
 
 
-def _policy(model: SAC | PPO, worlds: SummedRewardEnv, distribution: Distribution, seed: int) -> StagedPolicy:
+def _policy(model: SAC | PPO, worlds: ScalarRewardEnv, distribution: Distribution, seed: int) -> StagedPolicy:
     """The model's actor as the actor of every stage."""
     task = worlds.env.task
     actors, actions = [exported_actor(model)] * task.n_stages, [np.arange(len(task.actions))] * task.n_stages

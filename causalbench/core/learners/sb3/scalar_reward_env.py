@@ -1,4 +1,4 @@
-"""`StageTaskVectorEnv` as stable-baselines3 wants it: one reward, scaled observations, time limits in `info`."""
+"""`StageTaskVectorEnv` as stable-baselines3 wants it: one reward a step, scaled observations, time limits in `info`."""
 
 from __future__ import annotations
 
@@ -11,14 +11,17 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from causalbench.core.learners.counting import Counter
 from causalbench.core.learners.policy import ObservationScale
+from causalbench.core.learners.scalars import Scalar
+from causalbench.core.staged.observation import Observation
 from causalbench.core.staged.vector_env import StageTaskVectorEnv
 
 
-class SummedRewardEnv(VecEnv):
-    """`StageTaskVectorEnv` as SB3 wants it: scaled observations (n, n_obs), the reward a sum; counts what happens."""
+class ScalarRewardEnv(VecEnv):
+    """`StageTaskVectorEnv` as SB3 wants it: scaled observations (n, n_obs), a scalar reward; counts what happens."""
 
-    def __init__(self, env: StageTaskVectorEnv, scale: ObservationScale, seed: int) -> None:
-        self.env, self.scale, self.first_seed = env, scale, seed
+    def __init__(self, env: StageTaskVectorEnv, scale: ObservationScale, scalar: Scalar, seed: int) -> None:
+        self.env, self.scale, self.scalar, self.first_seed = env, scale, scalar, seed
+        self.obs: Observation = {}
         self.counter = Counter(env.task.n_stages, env.num_envs)
         self.stage = np.ones(env.num_envs, dtype=np.int64)
         self._actions: NDArray[Any] = np.zeros((env.num_envs, len(env.task.actions)))
@@ -27,8 +30,8 @@ class SummedRewardEnv(VecEnv):
 
     def reset(self) -> NDArray[np.float32]:
         """New starts in every world, the same for every method with this seed."""
-        obs, _ = self.env.reset(seed=self.first_seed)
-        return self.scale(obs).numpy()
+        self.obs, _ = self.env.reset(seed=self.first_seed)
+        return self.scale(self.obs).numpy()
 
     def step_async(self, actions: NDArray[Any]) -> None:
         """Keep the actions for `step_wait`."""
@@ -36,10 +39,12 @@ class SummedRewardEnv(VecEnv):
 
     def step_wait(self) -> tuple[NDArray[np.float32], NDArray[Any], NDArray[np.bool_], list[dict[str, Any]]]:
         """One control step of every world."""
-        obs, rewards, terminated, truncated, infos = self.env.step(self._actions)
+        before = self.obs
+        self.obs, _, terminated, truncated, infos = self.env.step(self._actions)
         over = terminated | truncated
+        rewards = self.scalar(before, infos, over)
         self.counter.add(infos, over)
-        self.stage = obs["stage"] + 1
+        self.stage = self.obs["stage"] + 1
         final_obs = self.scale(infos["final_obs"]).numpy()
         sb3_infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         for world in np.flatnonzero(over):
@@ -47,7 +52,7 @@ class SummedRewardEnv(VecEnv):
                 "terminal_observation": final_obs[world],
                 "TimeLimit.truncated": bool(truncated[world] and not terminated[world]),
             }
-        return self.scale(obs).numpy(), rewards.astype(np.float32), over, sb3_infos
+        return self.scale(self.obs).numpy(), rewards.astype(np.float32), over, sb3_infos
 
     def close(self) -> None:
         """The owner of the worlds closes them."""
