@@ -26,12 +26,9 @@ def register_envs() -> None:
 def _register(plugins: Plugins) -> None:
     import gymnasium
 
-    from causalbench.plugins.venues import venue_of
-
     for task in plugins.tasks.values():
         if task.env_id not in gymnasium.registry:
-            given = {"task": task.name, "backend": venue_of(task).home}
-            gymnasium.register(task.env_id, entry_point="causalbench.registration:make_env", kwargs=given)
+            gymnasium.register(task.env_id, entry_point="causalbench.registration:make_env", kwargs={"task": task.name})
 
 
 def register_with_gymnasium() -> None:
@@ -70,14 +67,15 @@ class _GymnasiumWatch(MetaPathFinder):
 
 def make_env(
     task: str = "pure_manipulation",
-    backend: str = "kinematic",
+    backend: str | None = None,
     render_mode: str | None = None,
     observe_gripper: bool = True,
     observe: Observe = "state",
     **backend_options: Any,
 ) -> StageTaskEnv:
-    """A task in one new world of a backend; `backend_options` go to the backend's `make`.
+    """A task in one new world of a backend; `backend_options` go to the backend's `make`, or the task's for it.
 
+    Without a `backend` it is "kinematic", or the first that a task over Gymnasium environments names.
     `observe="paper"` adds what the paper's agents see beside the state, see `core.staged.observation.Observer`.
 
     Raises `UnknownNameError` for a task or backend that does not exist, `BackendLoadError` for one that lacks its
@@ -85,11 +83,11 @@ def make_env(
     """
     from causalbench.core.staged.env import StageTaskEnv
     from causalbench.plugins.manager import installed
-    from causalbench.plugins.venues import worlds_maker
+    from causalbench.plugins.venues import venue_of, worlds_maker
 
     plugins = installed()
     chosen = plugins.task(task)
-    make_worlds = worlds_maker(plugins.backend(backend), chosen, backend_options)
+    make_worlds = worlds_maker(plugins.backend(backend or venue_of(chosen).home), chosen, backend_options)
     env = StageTaskEnv(make_worlds(), render_mode, observe_gripper, observe)
     env.make_worlds = make_worlds
     return env

@@ -50,8 +50,7 @@ def test_gymnasium_makes_it_by_its_id_and_the_expert_solves_it(site: Path, tmp_p
 def test_a_suite_discovers_its_causes_ranks_methods_on_it_and_skips_what_cannot_be(site: Path, tmp_path: Path) -> None:
     """On a backend of scenes, too, which has no environment of it; films are made of what was trained."""
     text = (EXAMPLE / "suite.yaml").read_text().replace("[gymnasium]", "[gymnasium, kinematic]")
-    options = "per_backend: {gymnasium: {options: {render_mode: rgb_array}}}\n"
-    (tmp_path / "suite.yaml").write_text(text + options)
+    (tmp_path / "suite.yaml").write_text(text)
     done = call(tmp_path, site, "causalbench", "run", "suite.yaml", "--tier", "smoke", "--out", "run", "--quiet")
     assert done.returncode == 1, done.stderr  # for the cells that were skipped
     skipped = re.findall(r"(\w+)-s0-\w+: skipped\. (.*)", done.stdout)

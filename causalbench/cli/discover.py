@@ -17,7 +17,7 @@ DEFAULT = DiscoverySettings().discoverer
 
 
 def discover(
-    backend: Annotated[str, typer.Option(help="Where to discover.")] = "kinematic",
+    backend: Annotated[str | None, typer.Option(help="Where to discover (default: the task's own choice).")] = None,
     task: Annotated[str, typer.Option(help="What for.")] = "pure_manipulation",
     discoverer: Annotated[str, typer.Option(help="How: one of docs/discovery.md or a plugin's.")] = DEFAULT,
     preset: Annotated[str, typer.Option(help="Named settings: quick, paper, paper_large.")] = "quick",
@@ -37,6 +37,7 @@ def discover(
     """Discover the causal graph of a task and print it beside its evidence: a run of one cell."""
     use_one_thread_each()
     from causalbench.plugins.manager import installed
+    from causalbench.plugins.venues import venue_of
     from causalbench.suite.one_discovery import discovery_section
 
     given = named_values(setting or (), "--set", "training_count=1000")
@@ -52,8 +53,9 @@ def discover(
         from causalbench.core.discovery.truth.oracle import ORACLE_STATES
 
         section = {"oracle_states": ORACLE_STATES} | section
-    folder = out or Path("runs") / f"discover-{task}-{backend}-{name}-s{seed}".replace("/", "_")
-    _run(task, backend, seed, section, options, folder, jobs or cores(), quiet)
+    place = backend or venue_of(installed().task(task)).home
+    folder = out or Path("runs") / f"discover-{task}-{place}-{name}-s{seed}".replace("/", "_")
+    _run(task, place, seed, section, options, folder, jobs or cores(), quiet)
 
 
 def _run(

@@ -187,9 +187,9 @@ def print_backends(plugins: Plugins) -> None:
         owner = plugins.owners[name]
         state = plugins.problem(name) or "ok"
         gaps = "; ".join(f"{number}: {reason}" for number, reason in backend.known_gaps.items()) or "none"
-        for variant in backend.variants or (Variant("none"),):
+        for variant in backend.variants or (Variant("the task's"),):
             options = " ".join(f"{key}={json.dumps(value)}" for key, value in variant.options.items())
-            can = ", ".join(sorted(variant.capabilities)) or "none"
+            can = ", ".join(sorted(variant.capabilities)) or ("none" if backend.make else "the task's")
             cells = (name, options, backend.engine, variant.robot, owner.distribution, owner.version, can, gaps, state)
             table.add_row(*map(escape, cells))
     for row in plugins.rows:

@@ -39,15 +39,12 @@ TERMS = (
 )
 
 
-def make(render_mode: str | None = None) -> gym.Env[Any, Any]:
-    """The environment with its two actions."""
+def make() -> gym.Env[Any, Any]:
+    """The environment with its two actions; it draws when a film is made."""
     import gymnasium as gym
 
-    car, box = (
-        gym.make("MountainCarContinuous-v0", render_mode=render_mode),
-        gym.spaces.Box(-1.0, 1.0, (2,), np.float32),
-    )
-    return gym.wrappers.TransformAction(car, lambda action: action[:1], box)
+    car = gym.make("MountainCarContinuous-v0", render_mode="rgb_array")
+    return gym.wrappers.TransformAction(car, lambda action: action[:1], gym.spaces.Box(-1.0, 1.0, (2,), np.float32))
 
 
 def energy(seen: Seen) -> float:

@@ -8,7 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from gym_tasks import CAR, CAR_THAT_FORGETS, LINE
 
+from causalbench.core.learners.methods import Method
+from causalbench.core.tasks.gym_task import GymTask
 from causalbench.errors import SuiteError, UnknownNameError, UserError
 from causalbench.plugins.manager import Plugins, load_plugins
 from causalbench.suite.cells import Cell, DiscoveryCell, LearnerCell, content_hash
@@ -280,3 +283,80 @@ def test_a_learner_that_lacks_a_library_says_how_to_install_it(tmp_path: Path, p
         "demo.yaml:5: methods.0: learner 'SAC' needs a_library_that_is_not_here, not installed here; "
         "run: pip install 'mine[x]'"
     )
+
+
+GYM_SUITE = """\
+schema: 1
+name: demo
+task: mountain_car
+backends: [gymnasium, kinematic]
+methods: [METHODS]
+tiers:
+  quick: {seeds: 1, env_steps: 1000}
+discovery: {discoverer: DISCOVERER, oracle_states: STATES}
+"""
+
+
+def gym_plan(folder: Path, plugins: Plugins, task: GymTask, methods: str, discoverer: str, states: int = 0) -> Plan:
+    text = GYM_SUITE.replace("METHODS", methods).replace("DISCOVERER", discoverer).replace("STATES", str(states))
+    return plan(folder, dataclasses.replace(plugins, tasks=plugins.tasks | {task.name: task}), text)
+
+
+@pytest.mark.parametrize(("methods", "discoverer", "states", "refused"), [
+    ("cmSAC, mSAC", "kl", 0, {}),
+    ("cmSAC, mSAC", "paired", 0, dict.fromkeys(["", "cmSAC"], "discoverer 'paired' needs the capability 'restore'")),
+    ("cmSAC, mSAC", "kl", 50,
+     dict.fromkeys(["", "cmSAC"], "the oracle (`oracle_states`) needs the capability 'restore'")),
+    ("cmSAC-oracle, mSAC", "kl", 0,
+     {"cmSAC-oracle": "method 'cmSAC-oracle', which asks the oracle, needs the capability 'restore'"}),
+    ("cmSAC-plus1, mSAC", "kl", 0,
+     {"cmSAC-plus1": "method 'cmSAC-plus1', whose control an expert must solve, needs the capability 'expert'"}),
+])  # fmt: skip
+def test_what_an_environment_cannot_do_is_skipped_before_anything_runs(
+    tmp_path: Path, plugins: Plugins, methods: str, discoverer: str, states: int, refused: dict[str, str]
+) -> None:
+    bare = dataclasses.replace(CAR_THAT_FORGETS, expert=None)
+    found = gym_plan(tmp_path, plugins, bare, methods, discoverer, states)
+    asked = [cell for cell in found.cells if cell.backend.name == "gymnasium"]
+    reasons = {getattr(cell, "method", NONE).name: found.impossible.get(cell.id) for cell in asked}
+    end = ", and gymnasium does not have it in task 'mountain_car'"
+    assert {name: reason for name, reason in reasons.items() if reason} == {n: r + end for n, r in refused.items()}
+    whole = gym_plan(tmp_path, plugins, CAR, methods, discoverer, states)
+    other = "backend 'kinematic' cannot run task 'mountain_car', which has environments for gymnasium alone"
+    skipped = {cell.id for cell in whole.cells if cell.backend.name == "kinematic"}
+    assert whole.impossible == dict.fromkeys(skipped, other)
+
+
+NONE = Method("", learner="SAC", action_space="full", gradient="scalar", matrix="none")
+
+
+def test_a_task_over_scenes_is_skipped_where_there_are_none(tmp_path: Path, plugins: Plugins) -> None:
+    found = plan(tmp_path, plugins, SUITE.replace("[kinematic]", "[kinematic, gymnasium]"))
+    reasons = {cell.backend.name: found.impossible.get(cell.id, "") for cell in found.cells}
+    assert reasons["kinematic"] == ""
+    assert "backend 'gymnasium' makes no scenes" in reasons["gymnasium"]
+
+
+def test_what_the_environments_need_is_named_and_its_version_recorded(tmp_path: Path, plugins: Plugins) -> None:
+    lacking = dataclasses.replace(CAR, modules=("a_simulator_that_is_not_here",))
+    found = gym_plan(tmp_path, plugins, lacking, "mSAC", "kl")
+    assert (
+        "backend 'gymnasium' cannot run task 'mountain_car': its environments need a_simulator_that_is_not_here, "
+        "not installed here"
+    ) in found.impossible.values()
+    (cell,) = (
+        cell
+        for cell in gym_plan(tmp_path, plugins, dataclasses.replace(CAR, modules=("yaml",)), "mSAC", "kl").cells
+        if cell.backend.name == "gymnasium"
+    )
+    assert set(cell.backend.modules) == {"gymnasium", "PyYAML"}
+
+
+def test_options_that_the_maker_of_an_environment_does_not_take_are_a_mistake(tmp_path: Path, plugins: Plugins) -> None:
+    with pytest.raises(SuiteError, match=r"per_backend.gymnasium.options: options of task 'line' .* it takes start"):
+        plan(
+            tmp_path,
+            dataclasses.replace(plugins, tasks=plugins.tasks | {"line": LINE}),
+            GYM_SUITE.replace("mountain_car", "line").replace("METHODS", "mSAC").replace("DISCOVERER", "kl")
+            .replace("STATES", "0") + "per_backend: {gymnasium: {options: {speed: 3}}}\n",
+        )  # fmt: skip

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 from collections.abc import Iterator, Mapping
+from functools import partial
+from itertools import combinations
 from typing import Any
 
 import numpy as np
 import pytest
+from gym_tasks import CAR, LINE
 
 from causalbench.core.kinematic.task_trace import DECIMALS, task_trace
+from causalbench.core.tasks.gym_task import Seen
 from causalbench.core.tasks.task import Task
 from causalbench.plugins.builtins import TASKS
 from causalbench.suite.task_identity import task_data, task_identity
@@ -83,3 +88,34 @@ def test_a_task_that_kinematic_worlds_cannot_run_goes_by_its_source() -> None:
     task = dataclasses.replace(TASKS[0], actions=("fly", *TASKS[0].actions[1:]), manual_graph={})
     assert task_identity(task).behaviour.startswith("source ")
     assert task_identity(TASKS[0]).behaviour.startswith("trace ")
+
+
+def reset_into(env: Any, rng: np.random.Generator, stage: int, scale: float) -> Seen:
+    """Only ever looked at."""
+    raise NotImplementedError
+
+
+def test_a_task_over_environments_goes_by_its_data_and_its_source() -> None:
+    identity = task_identity(CAR)
+    assert identity.behaviour.startswith("source ")
+    assert identity.data["environments"] == {"gymnasium": "causalbench_mountain_car.make"}
+    assert not {"stage", "rewards", "observe", "expert"} & set(identity.data)
+    bounds = CAR.state_bounds
+    changes: tuple[dict[str, Any], ...] = (
+        *({"constants": constants} for constants in changed_leaves(CAR.constants)),
+        {"horizon": CAR.horizon + 1},
+        {"state_bounds": (bounds[0], bounds[1] * 2)},
+        {"exact_restore": False},
+        {"modules": ("gymnasium",)},
+        {"environments": {"gymnasium": partial(CAR.environments["gymnasium"])}},
+        {"reset_into": partial(reset_into, scale=1.0)},
+        {"reset_into": partial(reset_into, scale=2.0)},
+    )
+    found = [task_data(dataclasses.replace(CAR, **change)) for change in changes]
+    assert all(one != other for one, other in combinations([identity.data, *found], 2))
+    assert json.loads(json.dumps(found)) == found
+    for function in ("rewards", "restore", "expert"):
+        other = dataclasses.replace(CAR, **{function: lambda *seen: None})  # of another module
+        assert task_identity(other).behaviour != identity.behaviour
+    elsewhere = dataclasses.replace(CAR, environments={"gymnasium": LINE.environments["gymnasium"]})
+    assert task_identity(elsewhere).behaviour != identity.behaviour

@@ -136,6 +136,14 @@ def test_an_environments_own_clock_is_taken_off(depth: int) -> None:
     assert not any(worlds.step(np.zeros(2)).terminated for _ in range(5))
 
 
+def test_options_reach_the_environment_and_the_identity_of_its_worlds() -> None:
+    plain, far = maker(LINE)(), maker(LINE, start=2.5)()
+    far.reset([0], [rng()])
+    assert far.states().item() > 2
+    assert (plain.identity["options"], far.identity["options"]) == ({}, {"start": 2.5})
+    assert plain.identity | {"options": {"start": 2.5}} == far.identity
+
+
 # How stages are entered
 
 
@@ -242,7 +250,7 @@ def test_checkers_of_gymnasium_and_sb3_find_nothing(task: Any) -> None:
 
 
 def test_pictures_are_those_of_the_environment_in_the_size_asked_for() -> None:
-    worlds = maker(CAR, render_mode="rgb_array")(2)
+    worlds = maker(CAR)(2)
     worlds.reset([0, 1], [rng(0), rng(1)])
     drawn = worlds.worlds[1].env.render()
     assert np.array_equal(worlds.render(drawn.shape[1], drawn.shape[0])[1], drawn)

@@ -1,0 +1,176 @@
+"""Learning and discovering on an environment that knows nothing of stages: the mountain car."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from gym_tasks import CAR, CAR_THAT_FORGETS, LINE, maker
+from training import METHOD
+
+from causalbench.core.discovery.discoverers import DISCOVERERS
+from causalbench.core.discovery.graph import CausalGraph, manual_graph
+from causalbench.core.discovery.pipeline import discover
+from causalbench.core.discovery.truth.oracle import consult_oracle, oracle_graph
+from causalbench.core.learners.checkpoint import Checkpoints
+from causalbench.core.learners.evaluation import evaluate
+from causalbench.core.learners.policy import load_policy
+from causalbench.core.learners.registry import LEARNERS, Trained, TrainingProblem
+from causalbench.core.learners.sac.settings import SACSettings
+from causalbench.core.learners.settings import EvaluationSettings
+from causalbench.core.learners.training_graph import training_graph
+from causalbench.core.staged.env import StageTaskEnv
+from causalbench.core.staged.restricted_expert import solved_starts
+from causalbench.core.tasks.gym_task import GymTask
+from causalbench.core.tasks.stage_task import causal_sets
+from causalbench.errors import UserError
+
+TINY = SACSettings(net_arch=(8, 8), batch_size=16, learning_starts=16, train_every=4, n_envs=2)
+WHOLE = dataclasses.replace(
+    CAR,
+    horizon=40,
+    manual_graph=causal_sets(
+        {1: {"r_energy": "drive", "r_effort": "drive"}, 2: {"r_speed": "drive", "r_effort": "drive"}}
+    ),
+)
+"""The car with all of its true causes, and short episodes."""
+
+
+def silent(share: float, text: str) -> None:
+    """Report nothing."""
+
+
+class Kill(Exception):  # noqa: N818 - it stands for a SIGKILL
+    """Ends training at a step, where a kill might."""
+
+
+def train(method: str, task: GymTask = WHOLE, path: Path | None = None, kill_at: int | None = None) -> Trained:
+    calls = 0
+
+    def on_progress(share: float, text: str) -> None:
+        nonlocal calls
+        calls += 1
+        if calls == kill_at:
+            raise Kill
+
+    make_worlds, chosen = maker(task), METHOD[method]
+    problem = TrainingProblem(
+        task=task,
+        make_worlds=make_worlds,
+        method=chosen,
+        graph=training_graph(task, chosen, manual_graph(task), make_worlds, 0),
+        settings=TINY,
+        evaluation=EvaluationSettings(every=60, episodes=1, final_episodes=1),
+        env_steps=120,
+        seed=0,
+        on_evaluation=lambda evaluation, counts: None,
+        on_progress=on_progress,
+        checkpoints=Checkpoints(path, every=20) if path else None,
+    )
+    return LEARNERS[chosen.learner].train(problem)
+
+
+def weights(trained: Trained) -> list[list[float]]:
+    return [w.flatten().tolist() for actor in trained.policy.actors for w in actor]  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("method", ["cmSAC", "mSAC"])
+def test_a_killed_training_goes_on_to_the_same_weights(method: str, tmp_path: Path) -> None:
+    whole = train(method)
+    assert whole.counts.env_steps == 120
+    assert sum(whole.counts.updates.values()) > 0
+    path = tmp_path / "checkpoint.safetensors"
+    with pytest.raises(Kill):
+        train(method, path=path, kill_at=35)
+    assert path.exists()
+    resumed = train(method, path=path)
+    assert weights(resumed) == weights(whole)
+    assert resumed.counts.transitions.tolist() == whole.counts.transitions.tolist()
+
+
+def test_without_snapshots_no_checkpoint_is_kept_and_training_is_the_same(tmp_path: Path) -> None:
+    path = tmp_path / "checkpoint.safetensors"
+    forgetful = dataclasses.replace(WHOLE, snapshot=None, restore=None, exact_restore=False)
+    assert weights(train("mSAC", forgetful, path)) == weights(train("mSAC"))
+    assert not path.exists()
+
+
+def test_an_action_without_causes_is_never_set_and_a_saved_policy_acts_alike(tmp_path: Path) -> None:
+    policy = train("cmSAC").policy
+    policy.save(tmp_path)
+    again = load_policy(tmp_path)
+    seen = {"state": np.array([[-0.5, 0.01], [0.1, 0.06]], np.float32), "stage": np.array([0, 1])}
+    actions = policy.predict(seen)[0]
+    assert (actions[:, 1] == 0).all()
+    assert (actions[:, 0] != 0).all()
+    assert again.predict(seen)[0].tolist() == actions.tolist()
+
+
+class Driver:
+    """The expert's rule, from what an agent observes."""
+
+    def predict(self, obs: dict[str, Any], *state: Any, deterministic: bool = True) -> tuple[Any, None]:
+        return np.array([1.0 if obs["state"][1] >= 0 else -1.0, 0.0], np.float32), None
+
+    def save(self, folder: Path) -> None:
+        """There is nothing to save."""
+
+
+def test_an_evaluation_counts_success_and_an_end_without_it_and_nothing_is_held() -> None:
+    solved = evaluate(Driver(), StageTaskEnv(maker(CAR)()), 2, 0)
+    assert (solved.success_deterministic, solved.mean_final_stage, solved.held_rate) == (1.0, 3.0, None)
+    fallen = evaluate(Leftward(), StageTaskEnv(maker(LINE)()), 2, 0)
+    assert (fallen.success_deterministic, fallen.mean_final_stage, fallen.mean_length) == (0.0, 1.0, 1.0)
+
+
+class Leftward(Driver):
+    def predict(self, obs: dict[str, Any], *state: Any, deterministic: bool = True) -> tuple[Any, None]:
+        return np.array([-1.0, 0.0], np.float32), None
+
+
+def found_by(name: str, task: GymTask, cores: int = 1, **own: Any) -> CausalGraph:
+    shared = {"training_count": 400} if name == "kl" else {}
+    settings = DISCOVERERS[name].configure("quick", shared, own)
+    return discover(task, maker(task), settings, 0, silent, cores=cores)
+
+
+DRIVE_ALONE = [[[True, True], [False, False]]] * 2
+
+
+@pytest.mark.parametrize(("name", "own"), [("kl", {"max_epochs": 60}), ("paired", {"max_actions": 400})])
+def test_discovery_finds_that_driving_is_the_only_cause(name: str, own: dict[str, Any]) -> None:
+    graph = found_by(name, CAR, **own)
+    assert [stage.matrix.tolist() for stage in graph.stages] == DRIVE_ALONE
+    assert all(stage.testable is None or stage.testable.all() for stage in graph.stages)
+
+
+def test_without_snapshots_the_papers_method_works_all_the_same() -> None:
+    graph = found_by("kl", CAR_THAT_FORGETS, max_epochs=60)
+    assert [stage.matrix.tolist() for stage in graph.stages] == DRIVE_ALONE
+    assert graph.env_steps > found_by("kl", CAR, max_epochs=1).env_steps  # stage 2 is driven to every time
+
+
+def test_the_oracle_knows_it_exactly() -> None:
+    truth = consult_oracle(CAR, maker(CAR), 60, 0, silent)
+    assert [stage.matrix.tolist() for stage in oracle_graph(CAR, truth, 0).stages] == DRIVE_ALONE
+    assert all(stage.exact_restore and not stage.floor.any() for stage in truth)
+
+
+@pytest.mark.parametrize(("ask", "purpose"), [
+    (lambda task: found_by("paired", task), "trying other actions in the same state needs the capability 'restore'"),
+    (lambda task: found_by("sufficient", task), "trying other actions .* 'restore'"),
+    (lambda task: consult_oracle(task, maker(task), 5, 0, silent), "trying other actions .* 'restore'"),
+    (lambda task: solved_starts(maker(task)(1), 1, {}), "solving a stage on some of its actions .* 'expert'"),
+], ids=["paired", "sufficient", "oracle", "expert"])  # fmt: skip
+def test_what_needs_more_than_the_environment_can_do_says_so(ask: Any, purpose: str) -> None:
+    with pytest.raises(UserError, match=f"^{purpose}, and gymnasium does not have it in task 'mountain_car'$"):
+        ask(dataclasses.replace(CAR_THAT_FORGETS, expert=None))
+
+
+def test_the_expert_solves_stages_by_driving_and_not_by_honking() -> None:
+    worlds = maker(CAR)(2)
+    assert solved_starts(worlds, 1, {1: ("drive",), 2: ("drive",)}, 4).all()
+    assert not solved_starts(worlds, 2, {1: ("horn",), 2: ("horn",)}, 4).all()
