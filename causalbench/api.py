@@ -106,4 +106,5 @@ def _parts(env: gym.Env[Any, Any]) -> tuple[StageTask, MakeWorlds, dict[str, Any
     inner = env.unwrapped
     if not isinstance(inner, StageTaskEnv) or inner.make_worlds is None:
         raise UserError(f"{env}: expected an environment from causalbench.make_env or gymnasium.make")
-    return inner.task, inner.make_worlds, {"observe_gripper": inner.observe_gripper, "observation": inner.observe}
+    seen = {"observe_gripper": inner.observe_gripper, "observation": inner.observe, "features": inner.features}
+    return inner.task, inner.make_worlds, seen

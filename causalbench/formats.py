@@ -17,7 +17,7 @@ GRAPH: Final = 4
 """A causal graph, `graph.json`."""
 CHECKPOINT: Final = 3
 """What an interrupted training run continues from."""
-POLICY: Final = 3
+POLICY: Final = 4
 """A trained policy, `policy.json` and `policy.safetensors`."""
 SAMPLES: Final = 2
 """The samples of a discovery, one .npz a set."""

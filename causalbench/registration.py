@@ -71,12 +71,14 @@ def make_env(
     render_mode: str | None = None,
     observe_gripper: bool = True,
     observe: Observe = "state",
+    features: bool = True,
     **backend_options: Any,
 ) -> StageTaskEnv:
     """A task in one new world of a backend; `backend_options` go to the backend's `make`, or the task's for it.
 
     Without a `backend` it is "kinematic", or the first that a task over Gymnasium environments names.
-    `observe="paper"` adds what the paper's agents see beside the state, see `core.staged.observation.Observer`.
+    `observe="paper"` adds what the paper's agents see beside the state, and `features=False` leaves out the task's
+    features, see `core.staged.observation.Observer`.
 
     Raises `UnknownNameError` for a task or backend that does not exist, `BackendLoadError` for one that lacks its
     simulator and `UserError` for one that cannot run the task.
@@ -88,6 +90,6 @@ def make_env(
     plugins = installed()
     chosen = plugins.task(task)
     make_worlds = worlds_maker(plugins.backend(backend or venue_of(chosen).home), chosen, backend_options)
-    env = StageTaskEnv(make_worlds(), render_mode, observe_gripper, observe)
+    env = StageTaskEnv(make_worlds(), render_mode, observe_gripper, observe, features)
     env.make_worlds = make_worlds
     return env

@@ -22,7 +22,7 @@ def modules_after(statement: str) -> set[str]:
 def test_gymnasium_makes_the_task_in_a_named_backend() -> None:
     env = gymnasium.make("causalbench/PureManipulation-v0", backend="kinematic", observe_gripper=False)
     obs, info = env.reset(seed=3)
-    assert set(obs) == {"state", "stage"}
+    assert set(obs) == {"state", "features", "stage"}
     assert env.unwrapped.worlds.scene.spec.backend == "kinematic"
     same, _ = causalbench.make_env(backend="kinematic", observe_gripper=False).reset(seed=3)
     assert obs["state"].tolist() == same["state"].tolist()

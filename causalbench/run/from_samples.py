@@ -53,5 +53,6 @@ def _settings(section: Mapping[str, Any], about: Mapping[str, Any], plugins: Plu
         discovery.resolve([section]),
         training_count=about["count"],
         action_repeat=about.get("action_repeat", 1),
+        features="features" in about,
         **{name: about[name] for name in sampled},
     )

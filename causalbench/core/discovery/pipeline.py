@@ -51,7 +51,7 @@ def discover(
     """
     with closing(make_worlds()) as world:
         recipe = Recipe(task, settings, seed, world.origin, make_worlds, store)
-        return _discover(recipe, world, on_progress, discoverers, cores)
+        return _discover(recipe, recipe.prepared(world), on_progress, discoverers, cores)
 
 
 def discover_from_samples(

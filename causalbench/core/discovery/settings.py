@@ -26,6 +26,7 @@ class DiscoverySettings:
     sequence_length: Annotated[int, Gt(0)] = 10  # actions until the stage is entered anew; no function of sample count
     action_repeat: Annotated[int, Gt(0)] = 1  # control steps for which an action is held; each one counts
     observation: Literal["state", "paper"] = "state"  # "paper": reward models see the image or the LiDAR, too
+    features: bool = True  # reward models see the task's features, too, see `StageTask.features`
     n_placebos: Annotated[int, Ge(0)] = 8  # action dimensions that no world sees, probed like actions; 0: literal
     oracle_states: Annotated[int, Ge(0)] = 0  # visited states per stage by which an oracle grades the graph; 0: none
     options: Any = None
@@ -36,7 +37,7 @@ SHARED = tuple(field.name for field in fields(DiscoverySettings) if field.name n
 
 PRESETS = {
     "quick": DiscoverySettings(),
-    "paper": DiscoverySettings(training_count=5_000, n_placebos=0),  # pure manipulation
-    "paper_large": DiscoverySettings(training_count=10_000, n_placebos=0),  # mobile manipulation
+    "paper": DiscoverySettings(training_count=5_000, features=False, n_placebos=0),  # pure manipulation
+    "paper_large": DiscoverySettings(training_count=10_000, features=False, n_placebos=0),  # mobile manipulation
 }
 """Named starting points; a discoverer may have presets of the same names for its own record. The paper's data sizes."""

@@ -1,7 +1,7 @@
 """What a task does, as numbers: a fixed scripted and random sequence through each of its stages on kinematic worlds.
 
-Constants and names do not say what a task's functions make of them. The trace does: every reward, stage, success and
-state variable of the sequence, rounded to `DECIMALS`, so that another processor's last bits make no other task.
+Constants and names do not say what a task's functions make of them. The trace does: every reward, stage, success, state
+variable and feature of the sequence, rounded to `DECIMALS`, so that another processor's last bits make no other task.
 """
 
 from __future__ import annotations
@@ -20,10 +20,11 @@ SCRIPTED, RANDOM = 25, 15  # control steps in each stage
 
 
 def task_trace(task: Task) -> NDArray[np.float64]:
-    """The rounded numbers (n_stages * (`SCRIPTED` + `RANDOM`), n_terms + 2 + n_state).
+    """The rounded numbers (n_stages * (`SCRIPTED` + `RANDOM`), n_terms + 2 + n_state + n_features).
 
-    Each row is a control step: rewards, next stage, success, and then the state. A start of every stage is followed by
-    the expert and then by random actions. Raises what the task or the kinematic scene raises if it cannot run there.
+    Each row is a control step: rewards, next stage, success, the state and its features. A start of every stage is
+    followed by the expert and then by random actions. Raises what the task or the kinematic scene raises if it cannot
+    run there.
     """
     worlds = make_scene_worlds(task, lambda: make(**task.scene_options))
     rows = []
@@ -34,7 +35,8 @@ def task_trace(task: Task) -> NDArray[np.float64]:
             for step in range(SCRIPTED + RANDOM):
                 wanted = worlds.expert() if step < SCRIPTED else rng.uniform(-1.0, 1.0, len(task.actions))
                 done = worlds.step(wanted)
-                rows.append([*done.rewards, done.next_stage, done.success, *task.observe(worlds.facts)])
+                state = task.observe(worlds.facts)
+                rows.append([*done.rewards, done.next_stage, done.success, *state, *task.features_of(state)])
     finally:
         worlds.close()
     return np.round(np.array(rows, dtype=np.float64), DECIMALS) + 0.0  # no negative zeros

@@ -21,6 +21,7 @@ from causalbench.atomic import write_json
 from causalbench.core.networks.encoder import Encoder
 from causalbench.core.networks.gaussian import gaussian_actor
 from causalbench.core.networks.squashed_gaussian import squashed_actor, squashed_sample
+from causalbench.core.tasks.stage_task import StageTask
 from causalbench.digests import content_hash, file_digest
 from causalbench.errors import UserError
 
@@ -34,33 +35,37 @@ Distribution = Literal["squashed", "gaussian"]
 class ObservationScale:
     """Declared bounds to [-1, 1]: `state` (n_state,) low and high, gripper opening [0, max] where it is observed.
 
-    `sensor` is what is observed beside them, as it is: `Encoder` scales it. "" for nothing.
+    Beside them, as they are, `features` of the task by name, and `sensor`, which `Encoder` scales; "" for none.
     """
 
     low: tuple[float, ...]
     high: tuple[float, ...]
     sensor: str = ""
+    features: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, space: Any, sensor: str = "") -> ObservationScale:
-        """From a `StageTaskEnv` observation space."""
+    def of(cls, space: Any, task: StageTask, observation: str = "state") -> ObservationScale:
+        """From the observation space of a `StageTaskEnv` of `task` and a learner's setting `observation`."""
         parts = [space["state"]] + ([space["gripper"]] if "gripper" in space.spaces else [])
         low, high = (np.concatenate([getattr(part, side) for part in parts]) for side in ("low", "high"))
-        return cls(tuple(map(float, low)), tuple(map(float, high)), sensor)
+        features = task.feature_names if "features" in space.spaces else ()
+        return cls(tuple(map(float, low)), tuple(map(float, high)), task.sensor_in(observation), features)
 
     @property
     def n_inputs(self) -> int:
         """How many numbers the networks take."""
-        return len(self.low) + Encoder(self.sensor).n_sensed
+        return len(self.low) + len(self.features) + Encoder(self.sensor).n_sensed
 
     def __call__(self, obs: dict[str, Any]) -> Tensor:
         """(n, n_inputs) float32 network input; `obs` in batches. The networks do not read `stage`."""
         parts = [obs["state"], obs["gripper"]] if len(self.low) > obs["state"].shape[-1] else [obs["state"]]
         low, high = np.array(self.low, dtype=np.float32), np.array(self.high, dtype=np.float32)
         scaled = torch.from_numpy((np.concatenate(parts, axis=-1) - low) * (2 / (high - low)) - 1)
-        if not self.sensor:
-            return scaled
-        return torch.cat([scaled, torch.from_numpy(obs[self.sensor]).reshape(len(scaled), -1).float()], 1)
+        others = [*(["features"] if self.features else []), *([self.sensor] if self.sensor else [])]
+        if missing := [name for name in others if name not in obs]:
+            raise UserError(f"this policy reads {missing}, and the observation has {sorted(obs)}; see `make_env`")
+        flat = (torch.from_numpy(obs[name]).reshape(len(scaled), -1).float() for name in others)
+        return torch.cat([scaled, *flat], 1)
 
 
 class StagedPolicy:
@@ -126,6 +131,7 @@ class StagedPolicy:
             "low": self.scale.low,
             "high": self.scale.high,
             "sensor": self.scale.sensor,
+            "features": self.scale.features,
             "weights": file_digest(folder / WEIGHTS),
         }
         write_json(folder / META, meta | {"sha256": content_hash(meta, 64)})
@@ -145,7 +151,7 @@ def load_policy(folder: Path | str) -> StagedPolicy:
             count = sum(name.startswith(prefix) for name in tensors)
             actors.append([tensors[f"{prefix}{k}"] for k in range(count)])
         actions = [np.array(a, dtype=np.int64) for a in meta["actions"]]
-        scale = ObservationScale(tuple(meta["low"]), tuple(meta["high"]), meta["sensor"])
+        scale = ObservationScale(tuple(meta["low"]), tuple(meta["high"]), meta["sensor"], tuple(meta["features"]))
         return StagedPolicy(actors, actions, meta["n_actions"], scale, meta["distribution"])
     except FileNotFoundError as error:
         raise UserError(f"{folder}: no trained policy here ({error.filename} is missing)") from error

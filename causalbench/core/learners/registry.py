@@ -81,7 +81,7 @@ class TrainingProblem:
     checkpoints: Checkpoints | None = None
 
     def env(self) -> StageTaskEnv:
-        """One new environment of the task; it observes what the settings say in `observe_gripper` and `observation`."""
+        """One new environment of the task; it observes what its settings say: the keys of `OBSERVED`."""
         from causalbench.core.staged.env import StageTaskEnv
 
         return StageTaskEnv(self.make_worlds(), None, *self._observed())

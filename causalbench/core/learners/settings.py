@@ -22,9 +22,10 @@ class StagedSettings:
     n_envs: Annotated[int, Gt(0)] = 1  # scenes stepped by one learner
     observe_gripper: bool = True  # ours; the paper's observation has no gripper opening
     observation: Literal["state", "paper"] = "state"  # "paper": image or LiDAR, too, through the paper's convolutions
+    features: bool = True  # ours; what the task computes from the state, `StageTask.features`
 
 
-OBSERVED: Mapping[str, Any] = {"observe_gripper": True, "observation": "state"}
+OBSERVED: Mapping[str, Any] = {"observe_gripper": True, "observation": "state", "features": True}
 """Settings that say what a policy observes, and what stands for those that a learner does not have."""
 
 

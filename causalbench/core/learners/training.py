@@ -63,7 +63,7 @@ class _StagedLoop:
     ) -> None:
         task, settings = problem.task, problem.settings
         self.problem, self.env, self.examiner = problem, env, examiner
-        scale = ObservationScale.of(env.single_observation_space, task.sensor_in(settings.observation))
+        scale = ObservationScale.of(env.single_observation_space, task, settings.observation)
         self.learner = make_learner(task, problem.method, problem.graph, scale, settings, problem.seed)
         self.counter = Counter(task.n_stages, env.num_envs)
         self.obs, _ = env.reset(seed=problem.seed)

@@ -38,12 +38,13 @@ class StageTaskEnv(gym.Env[Observation, NDArray[np.float32]]):
         render_mode: str | None = None,
         observe_gripper: bool = True,
         observe: Observe = "state",
+        features: bool = True,
     ) -> None:
         if worlds.shape:
             raise UserError(f"StageTaskEnv takes one world of shape (), got worlds of shape {worlds.shape}")
         self.worlds, self.task, self.render_mode = worlds, worlds.task, render_mode
-        self.observe_gripper, self.observe = observe_gripper, observe
-        worlds.choose_observation(observe_gripper, observe)
+        self.observe_gripper, self.observe, self.features = observe_gripper, observe, features
+        worlds.choose_observation(observe_gripper, observe, features)
         self.metadata = self.metadata | {"render_fps": worlds.render_fps}
         self.action_names, self.reward_names = self.task.actions, self.task.term_names
         self.action_space = gym.spaces.Box(-1.0, 1.0, (len(self.action_names),), np.float32)

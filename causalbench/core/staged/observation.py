@@ -8,6 +8,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
+from causalbench.core.tasks.stage_task import FEATURE_BOUND
 from causalbench.core.tasks.task import Task
 from causalbench.core.world.batch import BatchScene
 from causalbench.core.world.cameras import HEIGHT, WIDTH
@@ -22,9 +23,11 @@ Observe = Literal["state", "paper"]
 
 
 class Observer:
-    """Facts to observations; `space` is a Dict of
+    """Facts to observations, and to the inputs of a model of the rewards; `space` is a Dict of
 
     - `state`: the paper's variables, float32, clipped to the task's bounds;
+    - `features`: what the task computes from `state`, float32 (n_features,), in a task that has features, unless
+      `features` is False;
     - `stage`: stage - 1, for routing;
     - `gripper`: opening in metres, float32 (1,), in a task that observes it, unless `gripper` is False (the paper has
       none);
@@ -32,7 +35,7 @@ class Observer:
     - `rgb`: the picture of the camera "scene", uint8 (48, 64, 3), with `observe="paper"` in a task with that sensor.
     """
 
-    def __init__(self, task: Task, spec: SceneSpec, gripper: bool, observe: Observe = "state") -> None:
+    def __init__(self, task: Task, spec: SceneSpec, gripper: bool, observe: Observe, features: bool) -> None:
         sensor = task.sensor_in(observe)
         if sensor and sensor not in spec.capabilities:
             raise UserError(
@@ -40,12 +43,15 @@ class Observer:
                 f"{task.name!r} needs; `causalbench backends` lists those that have it"
             )
         self._task, self._names = task, tuple(sorted({sensor, *task.observes} - {"", "gripper"}))
-        self._gripper = gripper and "gripper" in task.observes
+        self._gripper, self._features = gripper and "gripper" in task.observes, features and bool(task.feature_names)
         low, high = (bound.astype(np.float32) for bound in task.state_bounds(spec.workspace))
         spaces: dict[str, gym.Space[Any]] = {
             "state": gym.spaces.Box(low, high, dtype=np.float32),
             "stage": gym.spaces.Discrete(task.n_stages),
         }
+        if self._features:
+            shape = (len(task.feature_names),)
+            spaces["features"] = gym.spaces.Box(-FEATURE_BOUND, FEATURE_BOUND, shape, np.float32)
         if self._gripper:
             spaces["gripper"] = gym.spaces.Box(0.0, spec.max_opening, (1,), np.float32)
         self.space = gym.spaces.Dict(spaces | {name: SENSORS[name] for name in self._names})
@@ -60,11 +66,21 @@ class Observer:
         np.maximum(values, self._low, out=values)
         np.minimum(values, self._high, out=values)
         obs: Observation = {"state": values[..., :-1], "stage": stage - 1}
+        if self._features:
+            obs["features"] = self._task.features_of(obs["state"])
         if self._gripper:
             obs["gripper"] = values[..., -1:]
         for name in self._names:
             obs[name] = sense(world, name)
         return obs
+
+    def model_inputs(self, facts: Facts) -> NDArray[np.float32]:
+        """(..., n_inputs) what a model of the rewards sees: all that they depend on, and the features."""
+        state, opening = self._task.observe(facts), np.asarray(facts.gripper_opening)[..., None]
+        inputs = np.concatenate([state, opening], axis=-1).astype(np.float32)
+        if not self._features:
+            return inputs
+        return np.concatenate([inputs, self._task.features_of(inputs[..., :-1])], axis=-1)
 
 
 SENSORS: dict[str, gym.spaces.Box] = {
@@ -77,9 +93,3 @@ SENSORS: dict[str, gym.spaces.Box] = {
 def sense(world: Scene | BatchScene, sensor: str) -> NDArray[Any]:
     """What `sensor`, one of `SENSORS`, says now."""
     return world.render(WIDTH, HEIGHT) if sensor == "rgb" else world.lidar().astype(np.float32)
-
-
-def model_inputs(task: Task, facts: Facts) -> NDArray[np.float32]:
-    """(..., n_state + 1) what a model of the rewards sees of the state: all that they depend on."""
-    opening = np.asarray(facts.gripper_opening)[..., None]
-    return np.concatenate([task.observe(facts), opening], axis=-1).astype(np.float32)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core.staged.observation import Observation, Observe, Observer, model_inputs, sense
+from causalbench.core.staged.observation import Observation, Observe, Observer, sense
 from causalbench.core.staged.starts import draw_starts
 from causalbench.core.staged.worlds import Origin, Step, Worlds
 from causalbench.core.tasks.task import Task
@@ -79,7 +79,7 @@ class SceneWorlds(Worlds):
 
     def states(self) -> NDArray[np.float32]:
         """See `Worlds`."""
-        return model_inputs(self.task, self.facts)
+        return self._observer.model_inputs(self.facts)
 
     def sense(self, sensor: str) -> NDArray[Any]:
         """See `Worlds`."""
@@ -87,9 +87,9 @@ class SceneWorlds(Worlds):
             return np.empty((*self.shape, 0), np.uint8)
         return sense(self.scene, sensor).reshape(*self.shape, -1)
 
-    def choose_observation(self, gripper: bool = True, observe: Observe = "state") -> None:
+    def choose_observation(self, gripper: bool = True, observe: Observe = "state", features: bool = True) -> None:
         """See `Worlds`."""
-        self._observer = Observer(self.task, self.spec, gripper, observe)
+        self._observer = Observer(self.task, self.spec, gripper, observe, features)
         self.observation_space = self._observer.space
 
     def observe(self) -> Observation:

@@ -25,11 +25,13 @@ class StageTaskVectorEnv(gym.vector.VectorEnv[Observation, NDArray[Any], NDArray
 
     metadata = {"autoreset_mode": gym.vector.AutoresetMode.SAME_STEP}  # noqa: RUF012 - as in Gymnasium
 
-    def __init__(self, worlds: Worlds, observe_gripper: bool = True, observe: Observe = "state") -> None:
+    def __init__(
+        self, worlds: Worlds, observe_gripper: bool = True, observe: Observe = "state", features: bool = True
+    ) -> None:
         if not worlds.shape:
             raise UserError("StageTaskVectorEnv takes worlds of shape (n,), got one of shape ()")
         self.worlds, self.task, self.num_envs = worlds, worlds.task, worlds.n
-        worlds.choose_observation(observe_gripper, observe)
+        worlds.choose_observation(observe_gripper, observe, features)
         self.single_observation_space = worlds.observation_space
         self.single_action_space = gym.spaces.Box(-1.0, 1.0, (len(self.task.actions),), np.float32)
         self.observation_space = batch_space(self.single_observation_space, worlds.n)

@@ -96,7 +96,10 @@ class Worlds(ABC):
 
     @abstractmethod
     def states(self) -> NDArray[np.float32]:
-        """(*shape, n_inputs) all that the rewards depend on, as a model of them sees it; see `task.input_names`."""
+        """(*shape, n_inputs) what a model of the rewards sees, as `choose_observation` says; see `task.input_names`.
+
+        All that they depend on is part of it.
+        """
 
     @abstractmethod
     def sense(self, sensor: str) -> NDArray[Any]:
@@ -106,8 +109,10 @@ class Worlds(ABC):
         """
 
     @abstractmethod
-    def choose_observation(self, gripper: bool = True, observe: Observe = "state") -> None:
+    def choose_observation(self, gripper: bool = True, observe: Observe = "state", features: bool = True) -> None:
         """Choose what `observe` returns: with the gripper's opening or without, and what the paper's agents see or not.
+
+        Both it and `states` have the task's features unless `features` is False.
 
         Raises `UserError` for a sensor that the worlds do not have.
         """

@@ -44,6 +44,7 @@ class Constants(NamedTuple):
     max_forward: float = 1.0  # m/s, bound of the observed speed
     max_turn: float = 2.0  # rad/s, likewise
     bounds_margin: float = 0.2  # beyond where the hand starts and works, in the bounds of what is observed
+    feature_distance: float = 0.2  # of the hand from the target, that makes a feature 1
     expert_gain: float = 0.5  # share of an error that the expert removes in a control step
     expert_ahead: int = 4  # cells of the ground that the expert looks ahead
     expert_narrowness: int = 8  # power of the bearing's cosine, which is how fast the expert drives
@@ -70,6 +71,7 @@ SCALE = active_terms(TERMS, N_STAGES) * np.array(
     [SCALES.distance, SCALES.angle, *[SCALES.distance] * 3, *[-SCALES.collision] * 3, SCALES.stage_bonus]
 )
 STATE_NAMES = ("rho", "theta", "height", "v_forward", "v_turn", "eeflx", "eefly", "eeflz")
+FEATURE_NAMES = ("cos_theta", "sin_theta", "to_target_x", "to_target_y", "to_target_z")
 
 MANUAL_GRAPH: CausalSets = causal_sets(
     {
@@ -162,6 +164,28 @@ def _observe(base: Array, velocity: Array, hand: Array, target: Array, like: Arr
     cos, sin = math.cos(base[2]), math.sin(base[2])
     x, y = hand[0] - base[0], hand[1] - base[1]
     out[5], out[6], out[7] = cos * x + sin * y, cos * y - sin * x, hand[2]
+
+
+def features(state: Array) -> Array:
+    """The bearing without its jump and the way of the hand to the target (..., 5), from state variables (..., 8) alone.
+
+    In the base frame; names in `FEATURE_NAMES`.
+    """
+    out: Array = _features(state, LIKE_FEATURES)
+    return out
+
+
+LIKE_FEATURES = np.zeros(len(FEATURE_NAMES))
+
+
+@broadcast("f8[:], f8[:], f8[:]", "(s),(f)->(f)")
+def _features(state: Array, like: Array, out: Array) -> None:
+    out[:] = like
+    rho, cos, sin = state[0], math.cos(state[1]), math.sin(state[1])
+    out[0], out[1] = cos, sin
+    out[2] = (rho * cos - state[5]) / C.feature_distance
+    out[3] = (rho * sin - state[6]) / C.feature_distance
+    out[4] = (state[2] - state[7]) / C.feature_distance
 
 
 def stage(facts: Facts) -> NDArray[np.int64]:
@@ -306,4 +330,6 @@ TASK = Task(
     paper_sensor="lidar",
     potential=potential,
     potential_terms=("r_rho", "r_theta", "r_eefx", "r_eefy", "r_eefz", "r_success"),
+    features=features,
+    feature_names=FEATURE_NAMES,
 )

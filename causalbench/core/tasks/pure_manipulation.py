@@ -54,6 +54,9 @@ class Constants(NamedTuple):
     early_close: float = -0.5  # reward
     grasp: float = 5.0  # reward
     farthest: float = 1.5  # of the hand from the hover point, summed over the axes, from where on the potential is 0
+    feature_distance: float = 0.1  # of the hand from where it is to be, that makes a feature 1
+    feature_angle: float = 0.3  # of the hand from straight down, likewise
+    feature_bound: float = 3.0  # beyond which a feature is clipped
     expert_gain: float = 0.5  # share of an error that the expert removes in a control step
 
 
@@ -81,6 +84,7 @@ STATE_NAMES = (
     *("pencil_box_x", "pencil_box_y", "pencil_box_z", "eefx", "eefy", "eefz", "target_eeflz"),
     *("ori1", "ori2", "ori3", "ori4", "target_ori1", "target_ori2", "target_ori3", "target_ori4"),
 )
+FEATURE_NAMES = ("to_box_x", "to_box_y", "to_hover_z", "to_grasp_z", "to_down_x", "to_down_y")
 
 BASE_QUATERNION = np.array([math.cos(C.base_yaw / 2), 0.0, 0.0, math.sin(C.base_yaw / 2)])
 FACE_DOWN = rotations.FACE_DOWN
@@ -187,6 +191,35 @@ def _observe(hand: Array, posture: Array, box: Array, base: Array, template: Arr
     kernels.unturned(base[2], posture, out[7:11])
     if out[9] < 0.0:  # the sign that is nearest to the target: with w >= 0 the posture would jump at the target itself
         out[7:11] *= -1.0
+
+
+def features(state: Array) -> Array:
+    """What is left to do (..., 6), computed from state variables (..., 15) alone; names in `FEATURE_NAMES`.
+
+    The way of the hand to the box, and up to the hover and the grasp height above it, in the base frame, and the
+    rotation vector that turns the hand straight down, in the hand's own frame, whose third number is 0.
+    """
+    return _features(state, FEATURE_TEMPLATE)
+
+
+FEATURE_TEMPLATE = np.zeros(len(FEATURE_NAMES))
+
+
+@broadcast("f8[:], f8[:], f8[:]", "(s),(f)->(f)")
+def _features(state: Array, template: Array, out: Array) -> None:
+    out[:] = template
+    for axis in range(3):
+        out[axis] = (state[axis] - state[3 + axis]) / C.feature_distance
+    out[3] = out[2] + C.grasp_height / C.feature_distance
+    out[2] += C.hover / C.feature_distance
+    w, x, y, z = state[7], state[8], state[9], state[10]
+    # Straight down seen from the hand; the shortest turn of its z axis there is about z x down.
+    down_x, down_y, down_z = 2.0 * (w * y - x * z), -2.0 * (y * z + w * x), 2.0 * (x * x + y * y) - 1.0
+    sine = math.hypot(down_x, down_y)
+    ratio = math.atan2(sine, down_z) / max(sine, 1e-9) / C.feature_angle
+    out[4], out[5] = -down_y * ratio, down_x * ratio
+    for column in range(6):
+        out[column] = min(max(out[column], -C.feature_bound), C.feature_bound)
 
 
 def tilt(facts: Facts) -> Array:
@@ -328,4 +361,6 @@ TASK = Task(
     after_success=lifting.lift_and_hold,
     potential=potential,
     potential_terms=("r_eefx", "r_eefy", "r_eefz1", "r_ori", "r_eefz2", "r_success"),
+    features=features,
+    feature_names=FEATURE_NAMES,
 )

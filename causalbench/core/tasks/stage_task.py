@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
+import numpy as np
 from numpy.typing import NDArray
 
 from causalbench.errors import UserError
@@ -13,6 +14,8 @@ from causalbench.errors import UserError
 CausalSets = Mapping[int, Mapping[str, frozenset[str]]]
 """stage (1-based) -> reward term -> the actions that cause it."""
 Sensor = Literal["", "rgb", "lidar"]
+FEATURE_BOUND = 5.0
+"""Features beyond it, either way, are clipped to it."""
 
 
 def causal_sets(rows: Mapping[int, Mapping[str, str]]) -> CausalSets:
@@ -51,7 +54,10 @@ class StageTask:
     - `paper_sensor`: what the paper's agents observe beside the state, a capability of the world; "" for nothing;
     - `potential(state, stage)`: how far along the task is, (...) from 0 up, from the observed state (..., n_state) and
       U(s) (...), from 1; None where there is none. It stands for the terms of `potential_terms` where a learner climbs
-      one reward: see `causalbench.core.learners.scalars`.
+      one reward: see `causalbench.core.learners.scalars`;
+    - `features(state)`: numbers (..., n_features) that are named in `feature_names`, computed from the state variables
+      (..., n_state) alone, at a scale at which the task's tolerances are visible to a network. Learners and models of
+      the rewards see them beside the state. None where there are none.
 
     Raises `UserError` for a name or a stage that does not exist.
     """
@@ -69,8 +75,15 @@ class StageTask:
     paper_sensor: Sensor = ""
     potential: Callable[[NDArray[Any], NDArray[Any]], NDArray[Any]] | None = None
     potential_terms: tuple[str, ...] = ()
+    features: Callable[[NDArray[Any]], NDArray[Any]] | None = None
+    feature_names: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
+        if bool(self.features) != bool(self.feature_names):
+            raise UserError(f"task {self.name!r}: `features` and `feature_names` must be given together")
+        inputs = self.state_names + self.feature_names
+        if len({*inputs}) < len(inputs):
+            raise UserError(f"task {self.name!r}: state_names, feature_names: expected each name once, got {inputs}")
         for kind, names in (("actions", self.actions), ("terms", self.term_names), ("state_names", self.state_names)):
             if not names or len(set(names)) < len(names):
                 raise UserError(f"task {self.name!r}: {kind}: expected at least one name, each once, got {names}")
@@ -96,10 +109,14 @@ class StageTask:
         """Names of the reward terms in vector order."""
         return tuple(term.name for term in self.terms)
 
-    @property
-    def input_names(self) -> tuple[str, ...]:
-        """Names of all that a model of the rewards sees of a state: see `Worlds.states`."""
-        return self.state_names
+    def input_names(self, features: bool) -> tuple[str, ...]:
+        """Names of all that a model of the rewards sees of a state, with its `features` or without: `Worlds.states`."""
+        return self.state_names + (self.feature_names if features else ())
+
+    def features_of(self, state: NDArray[Any]) -> NDArray[np.float32]:
+        """The features (..., n_features) of state variables (..., n_state), within `FEATURE_BOUND`."""
+        found = self.features(state) if self.features else np.zeros((*state.shape[:-1], 0))
+        return np.clip(found, -FEATURE_BOUND, FEATURE_BOUND).astype(np.float32)
 
     def stage_terms(self, stage: int, discoverable_only: bool = False) -> tuple[str, ...]:
         """Names of the terms of `stage` (1-based) in vector order."""

@@ -75,7 +75,6 @@ class Task(StageTask):
         if "lidar" in self.observes and Capability.LIDAR not in self.requires:
             raise UserError(f"task {self.name!r} observes the lidar, so `requires` must name Capability.LIDAR")
 
-    @property
-    def input_names(self) -> tuple[str, ...]:
-        """The state variables and, since rewards may depend on it, how far the gripper is open."""
-        return (*self.state_names, "gripper_opening")
+    def input_names(self, features: bool) -> tuple[str, ...]:
+        """The state variables, since rewards may depend on it how far the gripper is open, and the features."""
+        return (*self.state_names, "gripper_opening", *(self.feature_names if features else ()))

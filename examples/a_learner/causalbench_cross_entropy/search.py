@@ -73,7 +73,8 @@ class Search:
 
     def __init__(self, problem: TrainingProblem, env: gym.vector.VectorEnv):
         task, rng = problem.task, np.random.default_rng(problem.seed)
-        self.env, self.n_actions, self.scale = env, len(task.actions), ObservationScale.of(env.single_observation_space)
+        self.env, self.n_actions = env, len(task.actions)
+        self.scale = ObservationScale.of(env.single_observation_space, task)
         plans = [stage_plan(task, problem.method, problem.graph, stage) for stage in range(1, task.n_stages + 1)]
         self.stages = [StageSearch(plan.actions, self.scale.n_inputs, problem.settings, rng) for plan in plans]
         self.trials = [Trial(self.stages) for _ in range(env.num_envs)]

@@ -11,7 +11,7 @@ from training import METHOD
 from causalbench.core.kinematic import make
 from causalbench.core.learners.methods import METHODS
 from causalbench.core.learners.registry import LEARNERS, Learner, TrainingProblem
-from causalbench.core.learners.settings import EvaluationSettings
+from causalbench.core.learners.settings import OBSERVED, EvaluationSettings
 from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench.errors import UserError
 
@@ -52,7 +52,7 @@ def test_every_method_names_a_learner_and_every_learner_has_a_preset_of_each_nam
     for learner in LEARNERS.values():
         assert set(learner.presets) == {"quick", "paper"}
         assert learner.presets["quick"] == learner.settings()
-        assert {"n_envs", "observe_gripper", "observation"} <= {f.name for f in fields(learner.settings)}
+        assert {"n_envs", *OBSERVED} <= {f.name for f in fields(learner.settings)}
 
 
 @pytest.mark.parametrize(("settings", "gripper"), [(Plain(), True), (LEARNERS["SAC"].presets["paper"], False)])
@@ -61,7 +61,7 @@ def test_environments_of_a_problem_observe_what_its_settings_say(settings: objec
         TASK, worlds_of(TASK, make), METHOD["mSAC"], None, settings, EvaluationSettings(), 10, 0, nothing, nothing
     )  # fmt: skip
     one, many = problem.env(), problem.vector_env(3)
-    assert ("gripper" in one.observation_space.spaces) == gripper
+    assert ("gripper" in one.observation_space.spaces) == ("features" in one.observation_space.spaces) == gripper
     assert many.single_observation_space == one.observation_space
     assert many.num_envs == 3
     one.close()

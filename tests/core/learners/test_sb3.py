@@ -59,7 +59,7 @@ def test_they_are_counted_evaluated_and_saved_like_the_others(name, tmp_path):
 def test_the_exported_policy_is_sb3s_own(name):
     settings = dataclasses.replace(TINY[name], learning_rate=1e-2)
     env = StageTaskVectorEnv(SceneWorlds(TASK, make_batch(make, settings.n_envs)))
-    scale = ObservationScale.of(env.single_observation_space)
+    scale = ObservationScale.of(env.single_observation_space, TASK)
     worlds = ScalarRewardEnv(env, scale, make_scalar("shaped", TASK, 2, 0.99), seed=0)
     model = {"SAC": make_sac, "PPO": make_ppo}[name](settings, worlds, seed=0)
     model.learn(120)
@@ -73,7 +73,7 @@ def test_the_exported_policy_is_sb3s_own(name):
 def test_sb3_sees_one_reward_and_time_limits():
     env = StageTaskVectorEnv(SceneWorlds(TASK, make_batch(make, 2)))
     summed = make_scalar("paper", TASK, 2, 0.99)
-    worlds = ScalarRewardEnv(env, ObservationScale.of(env.single_observation_space), summed, seed=0)
+    worlds = ScalarRewardEnv(env, ObservationScale.of(env.single_observation_space, TASK), summed, seed=0)
     first = worlds.reset()
     total, expected = np.zeros(2), np.zeros(2)
     step_of = env.step
@@ -92,7 +92,8 @@ def test_sb3_sees_one_reward_and_time_limits():
     assert all(info["TimeLimit.truncated"] for info in infos)
     assert worlds.counter.counts.env_steps == 2 * TASK.horizon
     assert (infos[0]["terminal_observation"] != obs[0]).any()  # the next start is another
-    assert (abs(first) <= 1).all()
+    assert (abs(first[:, :16]) <= 1).all()
+    assert worlds.observation_space.contains(first[0])
 
 
 @pytest.mark.parametrize(("ours", "theirs"), [(sac.PRESETS, SAC_PRESETS), (ppo.PRESETS, PPO_PRESETS)])

@@ -207,10 +207,10 @@ def test_it_trains_is_killed_and_continues_and_its_policy_is_read_back(
 def test_scaling_leaves_the_sensor_to_the_encoder() -> None:
     env = StageTaskEnv(SceneWorlds(PURE, make()), observe="paper")
     obs, _ = env.reset(seed=0)
-    scale = ObservationScale.of(env.observation_space, "rgb")
+    scale = ObservationScale.of(env.observation_space, PURE, "paper")
     inputs = scale({k: np.asarray(v)[None] for k, v in obs.items()})
-    assert inputs.shape == (1, scale.n_inputs) == (1, 16 + 9216)
-    assert torch.equal(inputs[0, 16:], torch.from_numpy(obs["rgb"]).flatten().float())
+    assert inputs.shape == (1, scale.n_inputs) == (1, 22 + 9216)
+    assert torch.equal(inputs[0, 22:], torch.from_numpy(obs["rgb"]).flatten().float())
 
 
 def test_a_number_that_is_none_in_the_image_ends_training_as_diverged(monkeypatch: pytest.MonkeyPatch) -> None:

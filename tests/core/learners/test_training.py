@@ -130,7 +130,7 @@ def test_exploding_losses_of_ppo_name_step_and_stage():
 def _learner(name="cmmSAC", **changes):
     settings = dataclasses.replace(TINY, **changes)
     env = StageTaskVectorEnv(SceneWorlds(TASK, make_batch(make, settings.n_envs)))
-    scale = ObservationScale.of(env.single_observation_space)
+    scale = ObservationScale.of(env.single_observation_space, TASK)
     return StagedSAC(TASK, METHOD[name], manual_graph(TASK), scale, settings, 0), env
 
 
@@ -191,7 +191,7 @@ def test_a_stage_trains_only_on_new_samples_of_its_own():
 def test_ppo_trains_at_the_end_of_an_epoch_and_goes_on_from_its_state():
     """Two learners, one made anew from the other's state in mid-epoch, end with the same weights."""
     env = StageTaskVectorEnv(SceneWorlds(TASK, make_batch(make, TINY_PPO.n_envs)))
-    scale = ObservationScale.of(env.single_observation_space)
+    scale = ObservationScale.of(env.single_observation_space, TASK)
     first, second = (StagedPPO(TASK, METHOD["cmmPPO"], manual_graph(TASK), scale, TINY_PPO, s) for s in (0, 1))
     obs, _ = env.reset(seed=0)
     history = []

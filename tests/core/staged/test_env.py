@@ -104,13 +104,14 @@ def test_names_and_spaces(env):
         *("r_collision_arm", "r_collision_self", "r_success"),
     )
     assert env.action_space == gym.spaces.Box(-1.0, 1.0, (7,), np.float32)
-    assert set(env.observation_space.spaces) == {"state", "stage", "gripper"}
+    assert set(env.observation_space.spaces) == {"state", "features", "stage", "gripper"}
     assert env.observation_space["state"].shape == (15,)
+    assert env.observation_space["features"].shape == (6,)
     assert env.observation_space["stage"] == gym.spaces.Discrete(4)
 
 
-def test_the_gripper_can_be_left_out_of_the_observation(make_pure):
-    env = make_pure(observe_gripper=False)
+def test_gripper_and_features_can_be_left_out_of_the_observation(make_pure):
+    env = make_pure(observe_gripper=False, features=False)
     obs, _ = env.reset(seed=0)
     assert set(obs) == {"state", "stage"}
     assert env.observation_space.contains(obs)
@@ -120,7 +121,7 @@ def test_the_gripper_can_be_left_out_of_the_observation(make_pure):
 def test_the_papers_observation_passes_other_peoples_checkers(make_pure):
     from stable_baselines3.common.env_checker import check_env
 
-    env = make_pure(observe="paper", observe_gripper=False)
+    env = make_pure(observe="paper", observe_gripper=False, features=False)
     assert env.observation_space["rgb"] == gym.spaces.Box(0, 255, (48, 64, 3), np.uint8)
     assert set(env.observation_space.spaces) == {"state", "stage", "rgb"}
     check_env(env)

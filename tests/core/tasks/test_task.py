@@ -62,6 +62,8 @@ def test_every_number_in_the_text_is_among_the_constants(task):
         ({"manual_graph": {1: {"r_success": frozenset({"armq"})}}}, "stage 1 has no armq"),
         ({"observes": frozenset({"smell"})}, "observes: \\['smell'\\]"),
         ({"observes": frozenset({"lidar"}), "requires": frozenset()}, "`requires` must name"),
+        ({"features": None}, "must be given together"),
+        ({"feature_names": ("near", "near")}, "state_names, feature_names: expected each name once"),
     ],
 )
 def test_a_task_that_names_what_does_not_exist_is_refused(task, change, message):

@@ -99,9 +99,15 @@ class Recipe:
             "n_placebos": self.settings.n_placebos,
             "inference_fraction": self.settings.inference_fraction,
             "worlds": N_WORLDS,
+            **({"features": True} if self.settings.features and self.task.features else {}),
             **({"observation": "paper"} if self.settings.observation == "paper" else {}),
             **({"action_repeat": self.settings.action_repeat} if self.settings.action_repeat > 1 else {}),
         }
+
+    def prepared(self, worlds: Worlds) -> Worlds:
+        """`worlds`, whose `states` from now on are what the settings say."""
+        worlds.choose_observation(observe=self.settings.observation, features=self.settings.features)
+        return worlds
 
     def kept(self, stream: Stream) -> Samples | None:
         """The samples of `stream` if the store has them."""
@@ -138,7 +144,7 @@ class Collector:
         if self._worlds is None:
             if self.recipe.make_worlds is None:
                 raise UndecidedStageError("a file with samples is missing, and there is no simulator to collect them")
-            self._worlds = self.recipe.make_worlds(N_WORLDS)
+            self._worlds = self.recipe.prepared(self.recipe.make_worlds(N_WORLDS))
         return self.recipe.collect(stream, self._worlds, on_step)
 
     def close(self) -> None:

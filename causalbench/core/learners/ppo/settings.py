@@ -35,7 +35,7 @@ class PPOSettings(StagedSettings):
 
 PRESETS: Mapping[str, PPOSettings] = {
     "quick": PPOSettings(),
-    "paper": PPOSettings(n_steps=10_000, learning_rate=5e-5, observe_gripper=False),
+    "paper": PPOSettings(n_steps=10_000, learning_rate=5e-5, observe_gripper=False, features=False),
 }
 """Name -> starting point; the paper's is its hyperparameter table (64-64, batches of 64, 10 passes, discount 0.99, clip
 range 0.2)."""

@@ -41,6 +41,7 @@ PRESETS: Mapping[str, SACSettings] = {
         learning_starts=1000,
         critics="heads",  # the paper does not say; networks of their own make an update cost 1.9 times as much
         observe_gripper=False,
+        features=False,
     ),
 }
 """Name -> starting point; the paper's is its hyperparameter table and its section Neural Network Architecture."""

@@ -14,6 +14,7 @@ from causalbench.core.learners.policy import ObservationScale
 from causalbench.core.learners.scalars import Scalar
 from causalbench.core.staged.observation import Observation
 from causalbench.core.staged.vector_env import StageTaskVectorEnv
+from causalbench.core.tasks.stage_task import FEATURE_BOUND
 
 
 class ScalarRewardEnv(VecEnv):
@@ -25,8 +26,8 @@ class ScalarRewardEnv(VecEnv):
         self.counter = Counter(env.task.n_stages, env.num_envs)
         self.stage = np.ones(env.num_envs, dtype=np.int64)
         self._actions: NDArray[Any] = np.zeros((env.num_envs, len(env.task.actions)))
-        n_obs = len(scale.low)
-        super().__init__(env.num_envs, gym.spaces.Box(-1.0, 1.0, (n_obs,), np.float32), env.single_action_space)
+        space = gym.spaces.Box(-FEATURE_BOUND, FEATURE_BOUND, (scale.n_inputs,), np.float32)
+        super().__init__(env.num_envs, space, env.single_action_space)
 
     def reset(self) -> NDArray[np.float32]:
         """New starts in every world, the same for every method with this seed."""

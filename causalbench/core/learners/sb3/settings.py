@@ -33,6 +33,7 @@ class SB3SACSettings:
     observe_gripper: bool = True  # ours; the paper's observation has no gripper opening
     observation: Literal["state"] = "state"
     scalar: ScalarName = "shaped"  # what the reward vector becomes; "paper": its sum, which pays for falling back
+    features: bool = True  # ours; what the task computes from the state
 
 
 @dataclass(frozen=True)
@@ -56,6 +57,7 @@ class SB3PPOSettings:
     observe_gripper: bool = True  # ours; the paper's observation has no gripper opening
     observation: Literal["state"] = "state"
     scalar: ScalarName = "shaped"  # what the reward vector becomes; "paper": its sum, which pays for falling back
+    features: bool = True  # ours; what the task computes from the state
 
 
 OWN = ("scalar",)

@@ -133,8 +133,9 @@ def _train(problem: TrainingProblem, make: Callable[..., SAC | PPO], distributio
     if problem.checkpoints:
         LOG.info("stable-baselines3's own agents keep no checkpoints")
     with closing(problem.vector_env(settings.n_envs)) as env, closing(Examiner(problem)) as examiner:
+        scale = ObservationScale.of(env.single_observation_space, problem.task)
         scalar = make_scalar(settings.scalar, problem.task, settings.n_envs, settings.gamma)
-        worlds = ScalarRewardEnv(env, ObservationScale.of(env.single_observation_space), scalar, problem.seed)
+        worlds = ScalarRewardEnv(env, scale, scalar, problem.seed)
         with _global_generators_kept():
             model = make(settings, worlds, problem.seed)
             model.set_logger(configure(None, []))
