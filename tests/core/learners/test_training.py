@@ -159,8 +159,10 @@ def test_actions_that_are_not_causal_are_executed_as_zero():
     n = 40
     low, high = TASK.state_bounds(make().spec.workspace)
     rng = np.random.default_rng(0)
+    state = rng.uniform(low, high, (n, 15)).astype(np.float32)
     obs = {
-        "state": rng.uniform(low, high, (n, 15)).astype(np.float32),
+        "state": state,
+        "features": TASK.features_of(state),
         "gripper": rng.uniform(0, 0.1, (n, 1)).astype(np.float32),
         "stage": np.arange(n) % 4,
     }
