@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from causalbench.core.staged.gym_starts import GymStarts
 from causalbench.core.staged.gym_world import GymWorld
-from causalbench.core.staged.observation import Observation, Observe
+from causalbench.core.staged.observation import Observation, Observe, features_space
 from causalbench.core.staged.worlds import Origin, Step, Worlds
 from causalbench.core.tasks.gym_task import GymTask
 from causalbench.core.world.capabilities import Capability
@@ -81,7 +81,8 @@ class GymWorlds(Worlds):
 
     def states(self) -> NDArray[np.float32]:
         """See `Worlds`."""
-        return self._observed()
+        state = self._observed()
+        return np.concatenate([state, self.task.features_of(state)], axis=-1) if self._features else state
 
     def sense(self, sensor: str) -> NDArray[Any]:
         """See `Worlds`."""
@@ -89,15 +90,19 @@ class GymWorlds(Worlds):
             raise UserError(f"task {self.task.name!r} has no sensor {sensor!r}: all that it observes is its state")
         return np.empty((*self.shape, 0), np.uint8)
 
-    def choose_observation(self, gripper: bool = True, observe: Observe = "state") -> None:
-        """See `Worlds`; there is nothing beside the state to choose."""
+    def choose_observation(self, gripper: bool = True, observe: Observe = "state", features: bool = True) -> None:
+        """See `Worlds`; there is nothing but features to choose."""
+        self._features = features and bool(self.task.feature_names)
         self._low, self._high = (np.asarray(bound, dtype=np.float32) for bound in self.task.state_bounds)
         state, stage = gym.spaces.Box(self._low, self._high, dtype=np.float32), gym.spaces.Discrete(self.task.n_stages)
-        self.observation_space = gym.spaces.Dict({"state": state, "stage": stage})
+        seen = {"features": features_space(self.task)} if self._features else {}
+        self.observation_space = gym.spaces.Dict({"state": state, **seen, "stage": stage})
 
     def observe(self) -> Observation:
         """See `Worlds`."""
-        return {"state": self._observed().clip(self._low, self._high), "stage": self.stage - 1}
+        state = self._observed().clip(self._low, self._high)
+        seen = {"features": self.task.features_of(state)} if self._features else {}
+        return {"state": state, **seen, "stage": self.stage - 1}
 
     def snapshot(self, world: int) -> bytes:
         """See `Worlds`."""

@@ -8,7 +8,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core.tasks.stage_task import FEATURE_BOUND
+from causalbench.core.tasks.stage_task import FEATURE_BOUND, StageTask
 from causalbench.core.tasks.task import Task
 from causalbench.core.world.batch import BatchScene
 from causalbench.core.world.cameras import HEIGHT, WIDTH
@@ -50,8 +50,7 @@ class Observer:
             "stage": gym.spaces.Discrete(task.n_stages),
         }
         if self._features:
-            shape = (len(task.feature_names),)
-            spaces["features"] = gym.spaces.Box(-FEATURE_BOUND, FEATURE_BOUND, shape, np.float32)
+            spaces["features"] = features_space(task)
         if self._gripper:
             spaces["gripper"] = gym.spaces.Box(0.0, spec.max_opening, (1,), np.float32)
         self.space = gym.spaces.Dict(spaces | {name: SENSORS[name] for name in self._names})
@@ -88,6 +87,11 @@ SENSORS: dict[str, gym.spaces.Box] = {
     "rgb": gym.spaces.Box(0, 255, (HEIGHT, WIDTH, 3), np.uint8),
 }
 """What can be sensed beside the facts, and the space of it in one world."""
+
+
+def features_space(task: StageTask) -> gym.spaces.Box:
+    """The space of the task's features in one world."""
+    return gym.spaces.Box(-FEATURE_BOUND, FEATURE_BOUND, (len(task.feature_names),), np.float32)
 
 
 def sense(world: Scene | BatchScene, sensor: str) -> NDArray[Any]:

@@ -47,6 +47,20 @@ def test_a_step_of_the_car_is_that_of_the_environment_judged_by_hand() -> None:
     assert worlds.env_steps == 40
 
 
+def test_features_of_a_task_stand_beside_its_state() -> None:
+    task = dataclasses.replace(CAR, features=lambda state: 10 * state[..., 1:], feature_names=("quick",))
+    worlds = maker(task)(2)
+    worlds.reset(range(2), [rng(0), rng(1)])
+    worlds.step(np.ones((2, 2)))
+    obs, states = worlds.observe(), worlds.states()
+    assert worlds.observation_space["features"].shape == (1,)
+    np.testing.assert_array_equal(obs["features"], np.float32(10) * obs["state"][:, 1:])
+    np.testing.assert_array_equal(states, np.hstack([obs["state"], obs["features"]]))
+    worlds.choose_observation(features=False)
+    assert worlds.observe().keys() == worlds.observation_space.keys() == {"state", "stage"}
+    assert worlds.states().shape == (2, 2)
+
+
 def test_several_worlds_step_as_each_alone() -> None:
     together, alone = maker(CAR)(3), [maker(CAR)() for _ in range(3)]
     together.reset(range(3), [rng(i) for i in range(3)])
