@@ -123,8 +123,8 @@ def test_backends_lists_a_broken_plugin_with_its_error(call: Callable, install: 
     assert rows == [
         ["kinematic", options, "numpy, not physics", "floating hand", *own, capabilities, "none", "ok"]
         for options, capabilities in (
-            ("", "exact_restore, rgb"),
-            ("mobile=true", "exact_restore, lidar, mobile_base, rgb"),
+            ("", "exact_restore, rgb, several_objects"),
+            ("mobile=true", "exact_restore, lidar, mobile_base, rgb, several_objects"),
         )
     ]
     broken = next(line for line in done.stdout.splitlines() if "causalbench-broken" in line)

@@ -6,15 +6,12 @@ The environment is Gymnasium's own and knows no stages. A second action, `horn`,
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from causalbench.task import GymTask, Seen, Term, by_name, causal_sets, hookimpl
-
-if TYPE_CHECKING:  # importing a plugin imports no simulator
-    import gymnasium as gym
 
 Array = NDArray[np.float64]
 
@@ -39,12 +36,17 @@ TERMS = (
 )
 
 
-def make() -> gym.Env[Any, Any]:
+def make() -> Any:
     """The environment with its two actions; it draws when a film is made."""
-    import gymnasium as gym
+    import gymnasium as gym  # importing a plugin imports no simulator
 
     car = gym.make("MountainCarContinuous-v0", render_mode="rgb_array")
     return gym.wrappers.TransformAction(car, lambda action: action[:1], gym.spaces.Box(-1.0, 1.0, (2,), np.float32))
+
+
+def observe(seen: Seen) -> Array:
+    """Position and speed."""
+    return seen.observation
 
 
 def energy(seen: Seen) -> float:
@@ -75,13 +77,13 @@ def expert(seen: Seen) -> Array:
     return np.array([1.0 if seen.observation[1] >= 0 else -1.0, 0.0])
 
 
-def snapshot(env: gym.Env[Any, Any]) -> bytes:
+def snapshot(env: Any) -> bytes:
     """Position and speed, behind the letter of their type: a start has another than what follows."""
     state = env.unwrapped.state
     return state.dtype.char.encode() + state.tobytes()
 
 
-def restore(env: gym.Env[Any, Any], content: bytes) -> Seen:
+def restore(env: Any, content: bytes) -> Seen:
     """Put the car back."""
     env.unwrapped.state = np.frombuffer(content[1:], content[:1].decode())
     return Seen(env.unwrapped.state.astype(np.float32), {})
@@ -102,7 +104,7 @@ TASK = GymTask(
     stage=stage,
     success=success,
     rewards=rewards,
-    observe=lambda seen: seen.observation,
+    observe=observe,
     state_bounds=(np.array([-1.2, -0.07]), np.array([0.6, 0.07])),
     snapshot=snapshot,
     restore=restore,

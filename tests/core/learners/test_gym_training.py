@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+import pickle
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from gym_tasks import CAR, CAR_THAT_FORGETS, LINE, maker
+from gym_tasks import CAR, CAR_FILE, CAR_THAT_FORGETS, LINE, maker
 from training import METHOD
 
 from causalbench.core.discovery.discoverers import DISCOVERERS
@@ -17,13 +18,17 @@ from causalbench.core.discovery.pipeline import discover
 from causalbench.core.discovery.truth.oracle import consult_oracle, oracle_graph
 from causalbench.core.learners.checkpoint import Checkpoints
 from causalbench.core.learners.evaluation import evaluate
-from causalbench.core.learners.policy import load_policy
+from causalbench.core.learners.policy import ObservationScale, load_policy
+from causalbench.core.learners.ppo.settings import PPOSettings
+from causalbench.core.learners.ppo.staged import StagedPPO
 from causalbench.core.learners.registry import LEARNERS, Trained, TrainingProblem
 from causalbench.core.learners.sac.settings import SACSettings
+from causalbench.core.learners.sac.staged import StagedSAC
 from causalbench.core.learners.settings import EvaluationSettings
 from causalbench.core.learners.training_graph import training_graph
 from causalbench.core.staged.env import StageTaskEnv
 from causalbench.core.staged.restricted_expert import solved_starts
+from causalbench.core.staged.vector_env import StageTaskVectorEnv
 from causalbench.core.tasks.gym_task import GymTask
 from causalbench.core.tasks.stage_task import causal_sets
 from causalbench.errors import UserError
@@ -109,6 +114,23 @@ def test_an_action_without_causes_is_never_set_and_a_saved_policy_acts_alike(tmp
     assert again.predict(seen)[0].tolist() == actions.tolist()
 
 
+@pytest.mark.parametrize("learner", [
+    lambda scale: StagedSAC(LINE, METHOD["mSAC"], None, scale, TINY, 0),
+    lambda scale: StagedPPO(LINE, METHOD["mPPO"], None, scale, PPOSettings(net_arch=(8,), n_envs=3, n_steps=6), 0),
+], ids=["SAC", "PPO"])  # fmt: skip
+def test_an_agents_episode_ends_where_its_world_does(learner: Any) -> None:
+    env = StageTaskVectorEnv(maker(LINE)(3))
+    agents = learner(ObservationScale.of(env.single_observation_space))
+    obs, _ = env.reset(seed=0)
+    actions = np.array([[-1.0, 0.0], [0.2, 0.0], [1.0, 0.0]])  # the first falls off, the last is soon in stage 2
+    for _ in range(2):
+        next_obs, _, terminated, truncated, infos = env.step(actions)
+        agents.remember(obs, actions, infos, terminated | truncated)
+        obs = next_obs
+    done = agents.agents[0].buffer.data.done[:6] if hasattr(agents.agents[0], "buffer") else agents.rollout.steps.done
+    assert done.reshape(2, 3).bool().tolist() == [[True, False, False], [True, False, True]]
+
+
 class Driver:
     """The expert's rule, from what an agent observes."""
 
@@ -131,10 +153,10 @@ class Leftward(Driver):
         return np.array([-1.0, 0.0], np.float32), None
 
 
-def found_by(name: str, task: GymTask, cores: int = 1, **own: Any) -> CausalGraph:
+def found_by(name: str, task: GymTask, **own: Any) -> CausalGraph:
     shared = {"training_count": 400} if name == "kl" else {}
     settings = DISCOVERERS[name].configure("quick", shared, own)
-    return discover(task, maker(task), settings, 0, silent, cores=cores)
+    return discover(task, maker(task), settings, 0, silent)
 
 
 DRIVE_ALONE = [[[True, True], [False, False]]] * 2
@@ -151,6 +173,17 @@ def test_without_snapshots_the_papers_method_works_all_the_same() -> None:
     graph = found_by("kl", CAR_THAT_FORGETS, max_epochs=60)
     assert [stage.matrix.tolist() for stage in graph.stages] == DRIVE_ALONE
     assert graph.env_steps > found_by("kl", CAR, max_epochs=1).env_steps  # stage 2 is driven to every time
+
+
+def test_several_processes_find_the_same_at_the_same_price(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(CAR_FILE.parent)  # where other processes find the task
+    assert pickle.loads(pickle.dumps(CAR)).name == CAR.name
+    settings = DISCOVERERS["kl"].configure("quick", {"training_count": 40, "n_placebos": 2}, {"max_epochs": 1})
+    alone = discover(CAR, maker(CAR), settings, 0, silent)
+    monkeypatch.setattr("causalbench.core.discovery.samples.pool.PARALLEL_FROM", 1)
+    together = discover(CAR, maker(CAR), settings, 0, silent, cores=2)
+    assert together.hash == alone.hash
+    assert together.env_steps == alone.env_steps
 
 
 def test_the_oracle_knows_it_exactly() -> None:
