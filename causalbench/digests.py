@@ -25,16 +25,15 @@ def content_hash(content: Any, digits: int = 10) -> str:
 
 
 @functools.cache
-def source_hash(*packages: str) -> str:
-    """The first 10 hex digits of the SHA-256 of all Python files of installed packages or modules, by name."""
+def source_hash(package: str) -> str:
+    """The first 10 hex digits of the SHA-256 of all Python files of an installed package or module."""
     digest = hashlib.sha256()
-    for package in sorted(set(packages)):
-        spec = importlib.util.find_spec(package)
-        roots = list((spec and spec.submodule_search_locations) or ())
-        alone = [Path(spec.origin)] if spec and spec.origin and not roots else []
-        for path in sorted([*alone, *(path for root in roots for path in Path(root).rglob("*.py"))]):
-            digest.update(f"\n{package} {path.name} {path.stat().st_size}\n".encode())
-            digest.update(path.read_bytes())
+    spec = importlib.util.find_spec(package)
+    roots = list((spec and spec.submodule_search_locations) or ())
+    alone = [Path(spec.origin)] if spec and spec.origin and not roots else []
+    for path in sorted([*alone, *(path for root in roots for path in Path(root).rglob("*.py"))]):
+        digest.update(f"\n{package} {path.name} {path.stat().st_size}\n".encode())
+        digest.update(path.read_bytes())
     return digest.hexdigest()[:10]
 
 

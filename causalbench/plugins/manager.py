@@ -62,7 +62,11 @@ class PluginRow:
 
 @dataclass
 class Plugins:
-    """What is installed, by name. `owners` says which plugin registered a backend."""
+    """What is installed, by name.
+
+    `owners` says which plugin registered a backend, `packages` from which top-level package a thing was registered:
+    (kind, name) -> package.
+    """
 
     backends: dict[str, Backend] = field(default_factory=dict)
     tasks: dict[str, StageTask] = field(default_factory=dict)
@@ -70,6 +74,7 @@ class Plugins:
     learners: dict[str, Learner] = field(default_factory=dict)
     discoverers: dict[str, Discoverer] = field(default_factory=dict)
     owners: dict[str, PluginRow] = field(default_factory=dict)
+    packages: dict[tuple[str, str], str] = field(default_factory=dict)
     rows: list[PluginRow] = field(default_factory=list)
 
     def backend(self, name: str) -> Backend:
@@ -208,6 +213,7 @@ def _register(manager: pluggy.PluginManager, plugin: ModuleType, row: PluginRow,
         raise
     for kind, rows in found.items():
         getattr(plugins, kind).update(rows)
+        plugins.packages |= {(kind, name): plugin.__name__.partition(".")[0] for name in rows}
     plugins.owners |= dict.fromkeys(found["backends"], row)
 
 

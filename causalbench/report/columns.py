@@ -71,7 +71,7 @@ COLUMNS: dict[str, Column] = {
     "reversals_per_episode": _number("reversals", "Reversals in a deterministic episode, on average."),
     "reversals_per_1000_steps": _number("reversals", "Reversals per 1,000 environment steps of training."),
     "graph": _text("Hash of the causal graph that the method used; empty without one."),
-    "source": _text("Hashes of the source code that made the cell."),
+    "source": _text("`package=hash` of the source code of causalbench and of each plugin that the cell used."),
     # Stages
     "quantity": _text(
         "What `count` counts: training episodes that reached `to_stage`, transitions (environment steps from "

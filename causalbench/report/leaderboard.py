@@ -90,10 +90,9 @@ def _board(name: str, backends: list[str], results: Sequence[Row], cells: Sequen
 
 
 def _sources(results: Sequence[Row]) -> int:
-    """Versions of the code behind `results`: of causalbench, or of one backend's plugin if that has more."""
-    of_causalbench = {row["source"].partition("-")[0] for row in results}
-    of_backends = Counter(backend for backend, _ in {(row["backend"], row["source"]) for row in results})
-    return max([len(of_causalbench), *of_backends.values()])
+    """Versions of the code behind `results`: those of the package that has most."""
+    versions = Counter(one.partition("=")[0] for one in {one for row in results for one in row["source"].split()})
+    return max(versions.values(), default=0)
 
 
 def _who(cell: StoredCell) -> tuple[str, str]:

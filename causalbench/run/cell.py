@@ -16,7 +16,7 @@ from causalbench.core.learners.records import Evaluation, TrainingCounts
 from causalbench.core.tasks.stage_task import StageTask
 from causalbench.digests import source_hash
 from causalbench.errors import CausalbenchError, CheckpointError, DivergedError
-from causalbench.plugins.manager import installed
+from causalbench.plugins.manager import Plugins, installed
 from causalbench.plugins.venues import worlds_maker
 from causalbench.run.score_graph import judge_graph
 from causalbench.run.tensorboard import Board
@@ -68,7 +68,7 @@ def run_cell(cell: Cell, run: RunFolder, on_progress: OnProgress, keeping: Keepi
                 steps = _discover(cell, folder, on_progress, cores)
             else:
                 steps = _learn(cell, folder, run, on_progress, keeping)
-            status = Status("done", "", time.monotonic() - started, steps, _source(cell))
+            status = Status("done", "", time.monotonic() - started, steps, source_of(cell, installed()))
         except Exception as error:
             LOGGER.exception("the cell ends here")
             kind = "" if isinstance(error, CausalbenchError) else f"{type(error).__name__}: "
@@ -78,11 +78,19 @@ def run_cell(cell: Cell, run: RunFolder, on_progress: OnProgress, keeping: Keepi
     return status
 
 
-def _source(cell: Cell) -> str:
-    """Hashes of the code of causalbench and of the plugin that has the cell's backend, with a hyphen between."""
-    make = installed().backend(cell.backend.name).make
-    plugin = getattr(make, "__module__", "causalbench").partition(".")[0]
-    return f"{source_hash('causalbench')}-{source_hash(plugin)}"
+def source_of(cell: Cell, plugins: Plugins) -> str:
+    """`package=hash` of each package whose source code is behind `cell`, with spaces between.
+
+    Those are causalbench and the plugins that registered its task, backend, discoverer, method and learner.
+    """
+    used = {("tasks", cell.task.name), ("backends", cell.backend.name)}
+    if isinstance(cell, LearnerCell):
+        used |= {("methods", cell.method.name), ("learners", cell.method.learner)}
+    discovery = cell.discovery if isinstance(cell, LearnerCell) else cell
+    if discovery:
+        used.add(("discoverers", discovery.settings.discoverer))
+    packages = {"causalbench"} | {plugins.packages[one] for one in used}
+    return " ".join(f"{package}={source_hash(package)}" for package in sorted(packages))
 
 
 @contextmanager

@@ -49,7 +49,7 @@ Name = Annotated[str, StringConstraints(pattern=f"^{PATTERN}$")]
 class Status:
     """How a cell stands. `reason` is a sentence unless it is done; `seconds` and `env_steps` are what it took.
 
-    `source` has the hashes of the source code that made it: of causalbench, a hyphen, and of its backend's plugin.
+    `source` has a hash of the source code of causalbench and of each plugin that it used, `package=hash` with spaces.
     `files` has the SHA-256 of every result file of a cell that is done, by its path in the cell's folder. A cell is
     "damaged" if it says that it is done and its files are not the ones that were written then.
     """

@@ -23,7 +23,7 @@ def result(method: str, seed: int, auc: float, backend: str = "toy", **more) -> 
         "budget": 5000, "success_auc": auc, "success_deterministic": auc, "success_sampled": auc,
         "best_success": auc, "stopped_at": None,
         "held_rate": None, "steps_to_90": 1000, "discovery_env_steps": 0, "reversals_per_1000_steps": 1.0,
-        "source": "a-x",
+        "source": "causalbench=a sim=x",
     } | more  # fmt: skip
 
 
@@ -38,11 +38,12 @@ def test_a_board_says_how_many_versions_of_the_code_made_it() -> None:
         rows = leaderboard(results, [cell(method, 0, backend) for method, backend, _ in of])
         return {row["backend"]: row["sources"] for row in rows}
 
-    of_each = ("A", "x", "a-x"), ("A", "y", "a-y")  # every backend has a plugin of its own
+    of_each = ("A", "x", "causalbench=a x=1"), ("A", "y", "causalbench=a y=2")  # every backend has a plugin of its own
     assert sources(*of_each) == {"all": 1, "x": 1, "y": 1}
-    assert sources(*of_each, ("B", "x", "a-z")) == {"all": 2, "x": 2, "y": 1}
-    assert sources(*of_each, ("B", "x", "b-x")) == {"all": 2, "x": 2, "y": 1}
-    assert sources(of_each[0], ("A", "y", "b-y")) == {"all": 2, "x": 1, "y": 1}
+    assert sources(*of_each, ("B", "x", "causalbench=a other=1 x=1")) == {"all": 1, "x": 1, "y": 1}  # so has a method
+    assert sources(*of_each, ("B", "x", "causalbench=a x=2")) == {"all": 2, "x": 2, "y": 1}
+    assert sources(*of_each, ("B", "x", "causalbench=b x=1")) == {"all": 2, "x": 2, "y": 1}
+    assert sources(of_each[0], ("A", "y", "causalbench=b y=2")) == {"all": 2, "x": 1, "y": 1}
 
 
 def test_one_seed_gives_an_order_and_no_verdict() -> None:

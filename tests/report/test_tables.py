@@ -31,7 +31,7 @@ class _Cell(StoredCell):
     def __init__(self, budget, successes, every=100):
         identity = {"kind": "learner", "task": {"name": "t"}, "backend": {"name": "b"}, "method": {"name": "m"}}
         identity |= {"seed": 0, "grid_point": {}, "env_steps": budget}
-        super().__init__("cell", identity, Status("done", source="a-b"), Path("nowhere"))
+        super().__init__("cell", identity, Status("done", source="causalbench=a"), Path("nowhere"))
         steps = [every * (i + 1) for i in range(len(successes))]
         found = zip(steps, successes, strict=True)
         looks = [Evaluation(step, 10, success, 0.5, None, 0.0, 1.0, 1.0, {}) for step, success in found]

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 from stored import LEARNER, PlannedCell, discovered, finished
 
+from causalbench import formats
 from causalbench.errors import DamagedFileError
 from causalbench.store.cells import CELL, STATUS, Status, read_cell
 from causalbench.store.run_folder import ENVIRONMENT, RunFolder
@@ -134,7 +135,7 @@ def test_an_id_that_leads_elsewhere_is_refused(run: RunFolder, tmp_path: Path) -
     cell = PlannedCell(LEARNER | {"method": {"name": "../../../outside", "learner": "SAC"}})
     folder = run.path / "cells" / "x"
     folder.mkdir(parents=True)
-    (folder / CELL).write_text(json.dumps({"schema": 2, "id": cell.id} | cell.identity))
+    (folder / CELL).write_text(json.dumps({"schema": formats.CELL, "id": cell.id} | cell.identity))
     with pytest.raises(DamagedFileError, match=r"method\.name"):
         read_cell(folder)
     assert list(outside.iterdir()) == []

@@ -13,11 +13,15 @@ import numpy as np
 import pytest
 from gym_tasks import CAR, LINE
 
+from causalbench.core.discovery.samples.streams import Recipe, streams
+from causalbench.core.discovery.settings import DiscoverySettings
 from causalbench.core.kinematic.task_trace import DECIMALS, task_trace
+from causalbench.core.staged.worlds import Origin
 from causalbench.core.tasks.gym_task import Seen
 from causalbench.core.tasks.task import Task
+from causalbench.core.tasks.task_data import task_data
 from causalbench.plugins.builtins import TASKS
-from causalbench.suite.task_identity import task_data, task_identity
+from causalbench.suite.task_identity import task_identity
 
 
 def changed_leaves(value: Any) -> Iterator[Any]:
@@ -119,3 +123,15 @@ def test_a_task_over_environments_goes_by_its_data_and_its_source() -> None:
         assert task_identity(other).behaviour != identity.behaviour
     elsewhere = dataclasses.replace(CAR, environments={"gymnasium": LINE.environments["gymnasium"]})
     assert task_identity(elsewhere).behaviour != identity.behaviour
+
+
+@pytest.mark.parametrize("change", [{"horizon": 7}, {"constants": {}}, {"manual_graph": {}}], ids=str)
+def test_samples_are_of_a_task_with_the_same_data(change: dict[str, Any]) -> None:
+    task, settings = TASKS[0], DiscoverySettings(training_count=100)
+
+    def about(task: Task) -> Any:
+        recipe = Recipe(task, settings, 0, Origin("b", "e", "r"), None, None)
+        return recipe.about(streams(task, settings, 1)[0])
+
+    assert about(task) == about(dataclasses.replace(task))
+    assert about(task) != about(dataclasses.replace(task, **change))

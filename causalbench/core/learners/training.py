@@ -24,6 +24,7 @@ from causalbench.core.learners.registry import Trained, TrainingProblem
 from causalbench.core.networks.state import State, below, prefixed
 from causalbench.core.staged.vector_env import StageTaskVectorEnv
 from causalbench.core.tasks.stage_task import StageTask
+from causalbench.core.tasks.task_data import task_data
 from causalbench.core.world.capabilities import Capability
 from causalbench.errors import DivergedError
 
@@ -137,7 +138,7 @@ class _StagedLoop:
         """What two runs must share for one to continue the other, bit for bit, as JSON data."""
         problem, task = self.problem, self.problem.task
         return {
-            "task": {"name": task.name, "version": task.version, "constants": dict(task.constants)},
+            "task": {"name": task.name, "version": task.version, "data": task_data(task)},
             "worlds": dict(self.env.worlds.identity),
             "method": dataclasses.asdict(problem.method),
             "graph": problem.graph.hash if problem.graph else None,

@@ -18,6 +18,8 @@ from causalbench.core.discovery.samples.transitions import Samples
 from causalbench.core.discovery.settings import DiscoverySettings
 from causalbench.core.staged.worlds import MakeWorlds, Origin, Worlds
 from causalbench.core.tasks.stage_task import StageTask
+from causalbench.core.tasks.task_data import task_data
+from causalbench.digests import content_hash
 from causalbench.errors import UndecidedStageError
 
 N_WORLDS = 16
@@ -88,6 +90,7 @@ class Recipe:
         return {
             "task": self.task.name,
             "task_version": self.task.version,
+            "task_data": content_hash(task_data(self.task)),
             "backend": self.origin.backend,
             "engine": self.origin.engine,
             "robot": self.origin.robot,
