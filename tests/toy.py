@@ -37,8 +37,13 @@ class ToyBatch(BatchScene):
         self.n, self.spec = n, SPEC
         self.hand = np.zeros((n, 3))
         self.stage = np.ones(n)
+        self.layouts = {}
+
+    def layout_of(self, index):
+        return self.layouts.get(index)
 
     def reset(self, index, layout):
+        self.layouts[index] = layout
         self.hand[index] = layout.eef_position
         self.stage[index] = layout.gripper_opening
 
@@ -53,10 +58,10 @@ class ToyBatch(BatchScene):
             self.hand.copy(), still, self.stage.copy(), no, zeros, still, zeros, np.zeros((self.n, 2)), no, no, no
         )
 
-    def snapshots(self):
+    def snapshot(self, index):
         raise NotImplementedError
 
-    def restore(self, snapshots):
+    def restore(self, index, snapshot):
         raise NotImplementedError
 
     def close(self):
@@ -77,6 +82,7 @@ class ToyScene(Scene, Batchable):
 
     def reset(self, layout):
         self.world.reset(0, layout)
+        self.layout = layout
 
     def step(self, action):
         self.world.step(action[None])

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -27,6 +25,7 @@ class WorldsScene(Scene, Batchable):
 
     def reset(self, layout: Layout) -> None:
         self.worlds.reset((), layout)
+        self.layout = layout
 
     def step(self, action: Array) -> None:
         self.worlds.step(action)
@@ -45,6 +44,7 @@ class WorldsScene(Scene, Batchable):
 
     def restore(self, snapshot: bytes) -> None:
         self.worlds.restore((), snapshot)
+        self.layout = self.worlds.layouts[()]
 
 
 class WorldsBatch(BatchScene):
@@ -62,18 +62,20 @@ class WorldsBatch(BatchScene):
     def facts(self) -> Facts:
         return self.worlds.facts()
 
+    def layout_of(self, index: int) -> Layout | None:
+        return self.worlds.layouts.get((index,))
+
     def render(self, width: int, height: int, camera: str = "scene") -> NDArray[np.uint8]:
         return self.worlds.pictures(width, height, camera)
 
     def lidar(self) -> Array:
         return self.worlds.lidar()
 
-    def snapshots(self) -> list[bytes]:
-        return [self.worlds.snapshot((i,)) for i in range(self.n)]
+    def snapshot(self, index: int) -> bytes:
+        return self.worlds.snapshot((index,))
 
-    def restore(self, snapshots: Sequence[bytes]) -> None:
-        for i, snapshot in enumerate(snapshots):
-            self.worlds.restore((i,), snapshot)
+    def restore(self, index: int, snapshot: bytes) -> None:
+        self.worlds.restore((index,), snapshot)
 
     def close(self) -> None:
         """Nothing to release."""

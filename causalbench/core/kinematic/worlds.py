@@ -66,7 +66,8 @@ def reach_limit(x: Array) -> Array:
 class KinematicWorlds:
     """Kinematic worlds of leading `shape` () or (n,).
 
-    `state` is (*shape, WIDTH) float64, `others` (*shape, n_others, 10); `.T` unpacks their columns.
+    `state` is (*shape, WIDTH) float64, `others` (*shape, n_others, 10); `.T` unpacks their columns. `layouts` are the
+    starts of the worlds that were reset or restored.
     """
 
     spec = SPEC
@@ -76,7 +77,7 @@ class KinematicWorlds:
         self.state = np.zeros((*shape, WIDTH))
         self.state[..., POSTURE.start] = self.state[..., BOX_POSTURE.start] = 1.0
         self.others = np.empty((*shape, 0, len(NO_OTHER)))
-        self._layouts: dict[Index, Layout] = {}
+        self.layouts: dict[Index, Layout] = {}
         self._codec = SnapshotCodec(self.spec)
 
     def reset(self, index: Index, layout: Layout) -> None:
@@ -104,7 +105,7 @@ class KinematicWorlds:
         others[:, OTHER] = rotations.rotate(unturn, others[:, OTHER] - origin)
         others[:, OTHER_POSTURE] = rotations.multiply(unturn, others[:, OTHER_POSTURE])
         self.others = put_rows(self.others, index, others, NO_OTHER)
-        self._layouts[index] = layout
+        self.layouts[index] = layout
 
     def step(self, actions: Array) -> None:
         """One control step; `actions` (*shape, n_actions) in [-1, 1]. Raises `InvalidActionError`."""
@@ -226,9 +227,9 @@ class KinematicWorlds:
 
     def snapshot(self, index: Index) -> bytes:
         """The whole world at `index`. Raises `CausalbenchError` before its first reset."""
-        if index not in self._layouts:
+        if index not in self.layouts:
             raise CausalbenchError("call reset() before snapshot()")
-        layout = self._layouts[index]
+        layout = self.layouts[index]
         others = self.others[index][: len(layout.others), OTHER.start :]
         return self._codec.pack(layout, np.concatenate([*self._rows(index), others.ravel()]).tobytes())
 
@@ -243,9 +244,9 @@ class KinematicWorlds:
             row[:], numbers = numbers[: len(row)], numbers[len(row) :]
         others[:, OTHER.start :] = numbers.reshape(len(others), POSE)
         self.others = put_rows(self.others, index, others, NO_OTHER)
-        if self._layouts.get(index) is not layout:
+        if self.layouts.get(index) is not layout:
             self._furnish(index, layout)
-            self._layouts[index] = layout
+            self.layouts[index] = layout
 
     def _rows(self, index: Index) -> tuple[Array, ...]:
         """Views of all that changes in the world at `index` but for the other boxes."""

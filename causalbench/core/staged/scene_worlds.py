@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from causalbench.core.staged.observation import Observation, Observe, Observer, sense
+from causalbench.core.staged.start_extras import start_extras, with_extras
 from causalbench.core.staged.starts import draw_starts
 from causalbench.core.staged.worlds import Origin, Step, Worlds
 from causalbench.core.tasks.task import Task
 from causalbench.core.world.batch import BatchScene, SceneList, make_batch, select
 from causalbench.core.world.capabilities import EVERY_SCENE
 from causalbench.core.world.facts import Facts
-from causalbench.core.world.layout import Layout
 from causalbench.core.world.scene import Scene, SceneSpec
 from causalbench.errors import UserError
 
@@ -38,8 +38,7 @@ class Snapshot(bytes):
 class SceneWorlds(Worlds):
     """A task in one scene, shape (), or in the n worlds of a batch, shape (n,).
 
-    `scene` is that scene or batch, `facts` what holds now, and `layouts` are the starts of the worlds that were reset,
-    which are the expert's maps.
+    `scene` is that scene or batch and `facts` what holds now, the named numbers of the starts among it.
     """
 
     facts: Facts
@@ -50,23 +49,29 @@ class SceneWorlds(Worlds):
         self._columns = action_columns(task, scene.spec)
         self._batch = scene if isinstance(scene, BatchScene) else SceneList([scene])
         self.shape = (scene.n,) if isinstance(scene, BatchScene) else ()
-        self.layouts: dict[int, Layout] = {}
         self.origin = origin_of(scene.spec)
         self.identity = dataclasses.asdict(scene.spec) | {"capabilities": sorted(scene.spec.capabilities)}
         self.capabilities = scene.spec.capabilities | EVERY_SCENE
         self.render_fps = round(1 / scene.spec.control_dt)
         self.stage = np.zeros(self.shape, dtype=np.int64)
+        self._extras: dict[str, Array] = {}
         self._full = np.zeros((*self.shape, len(scene.spec.actions)))
         self.choose_observation()
 
     def reset(self, worlds: Sequence[int], rngs: Sequence[np.random.Generator], stage: int | None = None) -> None:
         """See `Worlds`."""
-        self.layouts |= zip(worlds, draw_starts(self.task, self._batch, worlds, rngs, stage), strict=True)
+        draw_starts(self.task, self._batch, worlds, rngs, stage)
+        self._read_starts()
         self._read()
+
+    def _read_starts(self) -> None:
+        """Read what facts carry along of the starts, until the next reset or restore."""
+        extras = start_extras([self._batch.layout_of(world) for world in range(self.n)])
+        self._extras = extras if self.shape else {name: value[0] for name, value in extras.items()}
 
     def _read(self) -> None:
         """Read what holds now."""
-        self.facts = self.scene.facts()
+        self.facts = with_extras(self.scene.facts(), self._extras)
         self.stage = self.task.stage(self.facts)
 
     def _step(self, actions: Array, repeat: int) -> Step:
@@ -74,7 +79,7 @@ class SceneWorlds(Worlds):
         self._full[..., self._columns] = actions
         for _ in range(repeat):
             self.scene.step(self._full)
-        before, self.facts = self.facts, self.scene.facts()
+        before, self.facts = self.facts, with_extras(self.scene.facts(), self._extras)
         return judge(self.task, self.stage, before, actions, self.facts)
 
     def states(self) -> NDArray[np.float32]:
@@ -98,22 +103,17 @@ class SceneWorlds(Worlds):
 
     def snapshot(self, world: int) -> bytes:
         """See `Worlds`."""
-        if not isinstance(self.scene, BatchScene):
-            taken = Snapshot(self.scene.snapshot())
-            taken.facts, taken.stage = self.facts, self.stage
-            return taken
-        if isinstance(self.scene, SceneList):
-            return self.scene.scenes[world].snapshot()
-        return self.scene.snapshots()[world]
+        if self.shape:
+            return self._batch.snapshot(world)
+        taken = Snapshot(self._batch.snapshot(world))
+        taken.facts, taken.stage = self.facts, self.stage
+        return taken
 
     def restore(self, worlds: Sequence[int], snapshots: Sequence[bytes]) -> None:
         """See `Worlds`."""
-        if isinstance(self._batch, SceneList):
-            for world, snapshot in zip(worlds, snapshots, strict=True):
-                self._batch.scenes[world].restore(snapshot)
-        else:
-            named = dict(enumerate(self._batch.snapshots())) | dict(zip(worlds, snapshots, strict=True))
-            self._batch.restore([named[world] for world in range(self.n)])
+        for world, snapshot in zip(worlds, snapshots, strict=True):
+            self._batch.restore(world, snapshot)
+        self._read_starts()
         if not self.shape and isinstance(snapshots[0], Snapshot):
             self.facts, self.stage = snapshots[0].facts, snapshots[0].stage
         else:
@@ -122,11 +122,10 @@ class SceneWorlds(Worlds):
     def expert(self, worlds: Sequence[int] | None = None) -> Array:
         """See `Worlds`."""
         if not self.shape:
-            return self.task.expert(self.facts, self.spec, self.layouts.get(0))
+            return self.task.expert(self.facts, self.spec, self._batch.layout_of(0))
         chosen = np.arange(self.n) if worlds is None else np.asarray(worlds)
-        known = all(world in self.layouts for world in chosen.tolist())
-        maps = [self.layouts[world] for world in chosen.tolist()] if known else None
-        return self.task.expert(select(self.facts, chosen), self.spec, maps)
+        maps = [layout for world in chosen.tolist() if (layout := self._batch.layout_of(world)) is not None]
+        return self.task.expert(select(self.facts, chosen), self.spec, maps if len(maps) == len(chosen) else None)
 
     def after_success(self, world: int) -> bool | None:
         """See `Worlds`."""

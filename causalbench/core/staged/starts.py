@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from causalbench.core.staged.start_extras import start_extras, with_extras
 from causalbench.core.tasks.task import Task
 from causalbench.core.world.batch import BatchScene
 from causalbench.core.world.facts import Facts
-from causalbench.core.world.layout import Layout
 from causalbench.errors import LayoutDrawError, UnreachableLayoutError
 
 MAX_DRAWS = 200
@@ -19,38 +19,36 @@ MAX_DRAWS = 200
 
 def draw_starts(
     task: Task, batch: BatchScene, worlds: Sequence[int], rngs: Sequence[np.random.Generator], stage: int | None = None
-) -> list[Layout]:
-    """Reset some worlds of `batch`, each to a start drawn from its own generator; the starts, in the order of `worlds`.
+) -> None:
+    """Reset some worlds of `batch`, each to a start drawn from its own generator.
 
     A start is drawn again until it is reachable, free of contact and lies inside `stage` (any if None); it holds the
     object only in a stage of `task.held_starts`. Raises `LayoutDrawError` after `MAX_DRAWS` refused draws.
     """
     pending = list(zip(worlds, rngs, strict=True))
-    layouts: dict[int, Layout] = {}
     refusal = "none"
     for _ in range(MAX_DRAWS):
         placed = []
         for world, rng in pending:
             try:
-                layouts[world] = _place(task, batch, world, rng, stage or 1)
+                _place(task, batch, world, rng, stage or 1)
                 placed.append(world)
             except UnreachableLayoutError as error:
                 refusal = str(error)
         good: set[int] = set()
         if placed:  # a world that refused its first start has no facts yet
-            usable = _usable(task, batch.facts_of(placed), stage)
+            facts = with_extras(batch.facts_of(placed), start_extras([batch.layout_of(world) for world in placed]))
+            usable = _usable(task, facts, stage)
             good = {world for world, fine in zip(placed, usable, strict=True) if fine}
         pending = [(world, rng) for world, rng in pending if world not in good]
         if not pending:
-            return [layouts[world] for world in worlds]
+            return
     raise _no_start(task, batch, stage, refusal)
 
 
-def _place(task: Task, batch: BatchScene, world: int, rng: np.random.Generator, stage: int) -> Layout:
+def _place(task: Task, batch: BatchScene, world: int, rng: np.random.Generator, stage: int) -> None:
     """Draw a layout and put the world into it. Raises `UnreachableLayoutError`."""
-    layout = task.draw_layout(rng, batch.spec.workspace, batch.spec.max_opening, stage)
-    batch.reset(world, layout)
-    return layout
+    batch.reset(world, task.draw_layout(rng, batch.spec.workspace, batch.spec.max_opening, stage))
 
 
 def _usable(task: Task, facts: Facts, stage: int | None) -> NDArray[np.bool_]:

@@ -37,6 +37,9 @@ class Expert(Protocol):
 class Task(StageTask):
     """A staged task over scenes. It is closed: what it needs of the world it declares. All functions are pure.
 
+    Numbers that differ from start to start, such as the height of the table or a place to put things, `draw_layout`
+    names in `Layout.extras`; every other function then finds them in `Facts.extras`.
+
     - `draw_layout(rng, workspace, max_opening, stage)`: a start inside `stage`, up to the caller's check of U(s);
     - `state_bounds(workspace)`: (low, high), each (n_state,) float64: where the state variables normally lie;
     - `observe(facts)`: state variables (..., n_state) in the paper's order, robot base frame;

@@ -40,6 +40,10 @@ class BatchScene(ABC):
         """What holds in some worlds, in the order of `indices`; the others need not have been reset."""
         return select(self.facts(), np.asarray(indices))
 
+    @abstractmethod
+    def layout_of(self, index: int) -> Layout | None:
+        """`Scene.layout` of world `index`."""
+
     def lidar(self) -> Array:
         """Ranges (n, 220), see `Scene.lidar`."""
         raise lacking(self.spec, Capability.LIDAR)
@@ -49,12 +53,12 @@ class BatchScene(ABC):
         raise lacking(self.spec, Capability.RGB)
 
     @abstractmethod
-    def snapshots(self) -> list[bytes]:
-        """`Scene.snapshot` of every world."""
+    def snapshot(self, index: int) -> bytes:
+        """`Scene.snapshot` of world `index`."""
 
     @abstractmethod
-    def restore(self, snapshots: Sequence[bytes]) -> None:
-        """Return every world to its snapshot, as `Scene.restore`."""
+    def restore(self, index: int, snapshot: bytes) -> None:
+        """Return world `index` to a snapshot, as `Scene.restore`."""
 
     @abstractmethod
     def close(self) -> None:
@@ -80,12 +84,14 @@ class SceneList(BatchScene):
     def facts_of(self, indices: Sequence[int]) -> Facts:
         return stack([self.scenes[index].facts() for index in indices])
 
-    def snapshots(self) -> list[bytes]:
-        return [scene.snapshot() for scene in self.scenes]
+    def layout_of(self, index: int) -> Layout | None:
+        return self.scenes[index].layout
 
-    def restore(self, snapshots: Sequence[bytes]) -> None:
-        for scene, snapshot in zip(self.scenes, snapshots, strict=True):
-            scene.restore(snapshot)
+    def snapshot(self, index: int) -> bytes:
+        return self.scenes[index].snapshot()
+
+    def restore(self, index: int, snapshot: bytes) -> None:
+        self.scenes[index].restore(snapshot)
 
     def render(self, width: int, height: int, camera: str = "scene") -> NDArray[np.uint8]:
         return np.stack([scene.render(width, height, camera) for scene in self.scenes])
@@ -130,7 +136,7 @@ def stack(facts: Sequence[Facts]) -> Facts:
     if any(f.other_positions.size for f in facts):
         found |= {name: _padded([getattr(f, name) for f in facts]) for name in _OF_OTHERS}
     if any(f.extras for f in facts):
-        return Facts(**found, extras=_stacked([f.extras for f in facts]))
+        return Facts(**found, extras=stack_extras([f.extras for f in facts]))
     return Facts(**found)
 
 
@@ -142,14 +148,18 @@ def _padded(rows: Sequence[Array]) -> Array:
     return out
 
 
-def _stacked(extras: Sequence[Mapping[str, Array]]) -> dict[str, Array]:
+def stack_extras(extras: Sequence[Mapping[str, float | Array]]) -> dict[str, Array]:
+    """Named numbers of single worlds as arrays with a leading dimension.
+
+    Raises `CausalbenchError` unless all have the same names and shapes.
+    """
     shapes = [{name: np.shape(value) for name, value in sorted(of_one.items())} for of_one in extras]
     for other in shapes[1:]:
         if other != shapes[0]:
             raise CausalbenchError(
                 f"worlds of one batch have different extras, by name and shape: {shapes[0]}, {other}"
             )
-    return {name: np.stack([of_one[name] for of_one in extras]) for name in extras[0]}
+    return {name: np.array([of_one[name] for of_one in extras], dtype=np.float64) for name in extras[0]}
 
 
 def select(facts: Facts, index: int | tuple[int, ...] | NDArray[np.int64]) -> Facts:

@@ -32,9 +32,10 @@ class Facts:
     `object_quaternion`; the further ones follow in the order of `Layout.others`.
 
     Worlds of one batch may have different numbers of objects: the poses of those that a world lacks are NaN, and where
-    none has any, the two fields of the others need no batch dimension. `extras` are named numbers that a scene or a
-    task adds, float64 of any shape, the same names in every world of a batch. That is what they are for: the class
-    cannot be subclassed, since a field that only some facts have would be lost in a batch.
+    none has any, the two fields of the others need no batch dimension. `extras` are named numbers, float64 of any
+    shape, the same names in every world of a batch: those of the start (`Layout.extras`), which staged worlds add for
+    the task, and those that a scene has to say. The class cannot be subclassed, since a field that only some facts
+    have would be lost in a batch.
     """
 
     eef_position: Array  # (..., 3) m

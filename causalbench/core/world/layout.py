@@ -64,7 +64,7 @@ class Layout:
     A target of mass 0 is a mark in space: it neither moves nor touches anything, and no ray meets it. Only scenes with
     the capability `MOBILE_BASE` take one. `others` are further free objects, each with its mass in `other_masses`; only
     scenes with `SEVERAL_OBJECTS` take any. `extras` are named numbers of the start, float or float64 of any shape, that
-    no scene reads and every snapshot keeps.
+    no scene reads and every snapshot keeps: the task that drew the layout finds them in `Facts.extras`.
 
     Raises `ValueError` unless every other object has a mass above 0.
     """

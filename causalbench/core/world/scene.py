@@ -75,9 +75,14 @@ class SceneSpec:
 
 
 class Scene(ABC):
-    """One simulated world with one robot. Not thread-safe; several may live in one process."""
+    """One simulated world with one robot. Not thread-safe; several may live in one process.
+
+    `layout` is the start of the world as it is now, which `reset` was given or a restored snapshot came from, and None
+    before: the map that an expert may plan on, and the named numbers that go into its facts.
+    """
 
     spec: SceneSpec
+    layout: Layout | None = None
 
     @abstractmethod
     def reset(self, layout: Layout) -> None:

@@ -98,7 +98,6 @@ class MujocoScene(Scene, Generic[WorldT]):
         self._memory = np.zeros(PADS + held + n_memory)  # what MuJoCo's state does not hold
         self._pad_forces, self._reference = self._memory[:PADS], self._memory[PADS : PADS + held]
         self.memory = self._memory[PADS + held :]
-        self._layout: Layout | None = None
         self._scanner: Scanner | None = None
         self._use(world)
 
@@ -190,9 +189,9 @@ class MujocoScene(Scene, Generic[WorldT]):
 
     def snapshot(self) -> bytes:
         """Layout, MuJoCo's integration state (servo targets included) and what it does not hold."""
-        if self._layout is None:
+        if self.layout is None:
             raise CausalbenchError("call reset() before snapshot()")
-        return self._codec.pack(self._layout, np.concatenate([self._memory, self.world.save()]).tobytes())
+        return self._codec.pack(self.layout, np.concatenate([self._memory, self.world.save()]).tobytes())
 
     def restore(self, snapshot: bytes) -> None:
         """Return to a snapshot, bit for bit. Raises `SnapshotError`."""
@@ -229,7 +228,7 @@ class MujocoScene(Scene, Generic[WorldT]):
         if len(layout.fixtures) != self.world.boxes.n_fixtures:
             self._use(self.build(len(layout.fixtures)))
         self.world.furnish(layout)
-        self._layout = layout
+        self.layout = layout
 
     def _use(self, world: WorldT) -> None:
         self.world = world

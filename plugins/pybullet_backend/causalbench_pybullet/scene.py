@@ -69,7 +69,6 @@ class PybulletScene(Scene):
         self._finger = 0.0  # m, of both fingers' motors
         self._reference = np.zeros(0)  # where a base that drives shall be
         self._flags = np.zeros(4, dtype=np.bool_)  # base, arm and self-collision, holding
-        self._layout: Layout | None = None
         self._base = np.zeros(3)
         self._world: World | None = None
         self._closed = False
@@ -142,10 +141,10 @@ class PybulletScene(Scene):
 
     def snapshot(self) -> bytes:
         """Layout, motor targets, contacts and Bullet's state with its contact memory."""
-        if self._layout is None:
+        if self.layout is None:
             raise CausalbenchError("call reset() before snapshot()")
         ours = np.array([*self._target, self._finger, *self._flags, *self._reference], dtype="<f8")
-        return self._codec.pack(self._layout, ours.tobytes() + self.world.save())
+        return self._codec.pack(self.layout, ours.tobytes() + self.world.save())
 
     def restore(self, snapshot: bytes) -> None:
         """Return to a snapshot, bit for bit. Raises `SnapshotError`."""
@@ -185,6 +184,6 @@ class PybulletScene(Scene):
             self._leave()
             self._world = self.world_type(self._robot, self.spec.timestep, self._iterations, shapes)
         self._world.place(layout)
-        self._layout, self._base = layout, np.array(layout.base_pose, dtype=np.float64)
+        self.layout, self._base = layout, np.array(layout.base_pose, dtype=np.float64)
         self._flags[0] = self._world.base_touches()
         return self._world

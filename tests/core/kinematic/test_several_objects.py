@@ -125,9 +125,10 @@ def test_a_snapshot_keeps_others_in_any_scene_batch_and_process(around, mobile):
     assert np.array_equal(_replayed(scene), expected)
     assert np.array_equal(call_in_new_interpreter(_continued, snapshot, mobile, timeout=120.0), expected)
     batch = scene.batch(2)
-    batch.restore([make_snapshot(mobile), snapshot])
+    batch.restore(0, make_snapshot(mobile))
+    batch.restore(1, snapshot)
     assert np.array_equal(row(select(batch.facts(), 1)), expected[0])
-    assert batch.snapshots()[1] == snapshot
+    assert batch.snapshot(1) == snapshot
 
 
 def make_snapshot(mobile):
