@@ -97,9 +97,9 @@ class Unfit:
             self._refusal = f'. The last refusal: "{reason}"'
         return not reason
 
-    def free(self, facts: Facts) -> bool:
-        """Whether no flag is set."""
-        found = contacts(facts)
+    def free(self, facts: Facts, may_hold: bool = False) -> bool:
+        """Whether no flag is set, but for `holding` where that may be."""
+        found = [flag for flag in contacts(facts) if not (may_hold and flag == "holding")]
         if found:
             self.add(f"with {' and '.join(found)}")
         return not found
@@ -114,12 +114,15 @@ class Unfit:
 
 
 def start(scene: Scene, seed: int, stage: int = 1, of: Task = task.TASK, count: int = MAX_DRAWS) -> Layout:
-    """Put the scene into the first start of `stage` that it accepts free of contact, as an environment does."""
+    """Put the scene into the first start of `stage` that it accepts free of contact, as an environment does.
+
+    It holds the object only in a stage of `of.held_starts`.
+    """
     unfit = Unfit()
     for layout in draws(scene, seed, stage, of, count):
         if unfit.serves(scene, layout):
             facts = scene.facts()
-            if unfit.free(facts):
+            if unfit.free(facts, stage in of.held_starts):
                 if int(of.stage(facts)) == stage:
                     return layout
                 unfit.add("in another stage")

@@ -6,6 +6,7 @@ The only place that tells the two kinds of tasks apart; whoever plays, plans or 
 from __future__ import annotations
 
 import functools
+import traceback
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
@@ -47,7 +48,10 @@ class Venue(Protocol):
         """Makes worlds in a backend that does not refuse; it pickles if what it is made of does."""
 
     def trace_hash(self) -> str:
-        """A hash of what the task does on the kinematic backend; "" where that cannot run it."""
+        """A hash of what the task does on the kinematic backend; "" where that cannot run it.
+
+        Raises `UserError`, which says where, when the task's own code raises.
+        """
 
 
 def venue_of(task: StageTask) -> Venue:
@@ -101,6 +105,12 @@ class _Scenes:
             return trace_hash(self.task)
         except CausalbenchError:  # other actions or capabilities than the kinematic backend's
             return ""
+        except Exception as error:  # a stranger's code may raise anything
+            place = traceback.extract_tb(error.__traceback__)[-1]
+            raise UserError(
+                f"task {self.task.name!r}: to know what it does it is played on the kinematic backend, where it raises "
+                f"{type(error).__name__}: {error} ({place.filename}:{place.lineno}, in {place.name})"
+            ) from error
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from causalbench.errors import SuiteError, UnknownNameError, UserError
 from causalbench.plugins.backends import Backend
 from causalbench.plugins.manager import Plugins
 from causalbench.plugins.venues import venue_of
-from causalbench.suite.cells import BackendIdentity, Cell, DiscoveryCell, LearnerCell
+from causalbench.suite.cells import BackendIdentity, Cell, DiscoveryCell, LearnerCell, TaskIdentity
 from causalbench.suite.grid import Combination, combinations, layer_of
 from causalbench.suite.positions import Location
 from causalbench.suite.schema import DiscoveryLayer, PerBackend, PerMethod, SuiteFile
@@ -76,7 +76,8 @@ class _Planner:
         self.tier_name = tier_name
         self.tier = next(tier for name, tier in file.suite.tiers.items() if name == tier_name)
         self.task: StageTask = self._named(("task",), partial(plugins.task, file.suite.task))
-        self.task_identity, self.venue = task_identity(self.task), venue_of(self.task)
+        self.task_identity: TaskIdentity = self._named(("task",), partial(task_identity, self.task))
+        self.venue = venue_of(self.task)
 
     def check_number(self, of_each_combination: int) -> None:
         """Refuse a plan that nobody can run. Raises `SuiteError`."""

@@ -274,6 +274,16 @@ def test_a_backend_that_cannot_run_the_task_is_skipped_with_its_reason(tmp_path:
     assert len(found.impossible) == len(found.cells) / 2
 
 
+def test_a_task_whose_code_raises_is_a_mistake_of_the_suite_that_names_it(tmp_path: Path, plugins: Plugins) -> None:
+    def rewards(*seen: Any) -> Any:
+        return 1 / 0
+
+    broken = dataclasses.replace(plugins.tasks["pure_manipulation"], rewards=rewards)
+    with_it = dataclasses.replace(plugins, tasks={"pure_manipulation": broken})
+    with pytest.raises(SuiteError, match=r"demo.yaml:3: task: task 'pure_manipulation': .* raises ZeroDivisionError"):
+        plan(tmp_path, with_it)
+
+
 def test_a_learner_that_lacks_a_library_says_how_to_install_it(tmp_path: Path, plugins: Plugins) -> None:
     lacking = dataclasses.replace(plugins.learners["SAC"], modules=("a_library_that_is_not_here",), extra="mine[x]")
     without = dataclasses.replace(plugins, learners=plugins.learners | {"SAC": lacking})

@@ -20,6 +20,7 @@ from causalbench.core.staged.worlds import Origin
 from causalbench.core.tasks.gym_task import Seen
 from causalbench.core.tasks.task import Task
 from causalbench.core.tasks.task_data import task_data
+from causalbench.errors import UserError
 from causalbench.plugins.builtins import TASKS
 from causalbench.suite.task_identity import task_identity
 
@@ -135,3 +136,14 @@ def test_samples_are_of_a_task_with_the_same_data(change: dict[str, Any]) -> Non
 
     assert about(task) == about(dataclasses.replace(task))
     assert about(task) != about(dataclasses.replace(task, **change))
+
+
+def _raise(*seen: Any) -> Any:
+    raise KeyError("pressure")
+
+
+@pytest.mark.parametrize("function", ["draw_layout", "stage", "observe", "rewards", "success", "expert"])
+def test_a_task_whose_code_raises_is_named_with_the_place(function: str) -> None:
+    task = dataclasses.replace(TASKS[0], **{function: _raise})
+    with pytest.raises(UserError, match=r"task 'pure_manipulation': .* raises KeyError: 'pressure' \(.*, in _raise\)"):
+        task_identity(task)

@@ -80,6 +80,7 @@ def s30_snapshot_free(bench: Bench) -> None:
     """S30. A snapshot in free motion, restored in this or another scene, goes on the same.
 
     To the bit with the capability `EXACT_RESTORE`, else within `spec.restore_error` in 15 steps.
+    `layout` is the snapshot's again.
     """
     _free(bench.scene)
     check_restored(bench, "in free motion")

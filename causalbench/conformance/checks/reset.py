@@ -32,11 +32,13 @@ DRAWS = 40
 def s09_layout(bench: Bench) -> None:
     """S9. Reset puts hand, box, base and opening where the layout says, within 1 mm and 0.5 degrees, and at rest.
 
-    20 starts of all stages. So quaternions are (w, x, y, z) and turn the body's axes into the world's.
+    20 starts of all stages; the scene keeps the layout as `layout`. Quaternions are (w, x, y, z) and turn the
+    body's axes into the world's.
     """
     for stage in range(1, N_STAGES + 1):
         for seed in range(5):
             layout = start(bench.scene, seed, stage)
+            expect(bench.scene.layout is layout, "scene.layout is not the one that reset was given: keep it there")
             _compare(bench.scene.facts(), layout, f"after reset (stage {stage}, seed {seed})")
             facts = act(bench.scene, 2)
             _compare(facts, layout, f"two idle steps after reset (stage {stage}, seed {seed}): is the start at rest?")

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from causalbench.core.staged.start_extras import start_extras, with_extras
 from causalbench.core.tasks.task import Task
-from causalbench.core.world.batch import BatchScene
+from causalbench.core.world.batch import BatchScene, select
 from causalbench.core.world.facts import Facts
 from causalbench.errors import LayoutDrawError, UnreachableLayoutError
 
@@ -43,6 +43,9 @@ def draw_starts(
         pending = [(world, rng) for world, rng in pending if world not in good]
         if not pending:
             return
+    unfit = pending[0][0]
+    if unfit in placed:
+        refusal = _fault(task, select(facts, placed.index(unfit)), stage)
     raise _no_start(task, batch, stage, refusal)
 
 
@@ -59,10 +62,21 @@ def _usable(task: Task, facts: Facts, stage: int | None) -> NDArray[np.bool_]:
     return usable if stage is None else usable & (inside == stage)
 
 
+def _fault(task: Task, facts: Facts, stage: int | None) -> str:
+    """Why a start that the scene took does not serve, `facts` being those of one world."""
+    inside = int(task.stage(facts))
+    for flag in ("collision_base", "collision_arm", "collision_self"):
+        if getattr(facts, flag):
+            return f"it is in contact ({flag})"
+    if facts.holding and inside not in task.held_starts:
+        return f"it holds the object in stage {inside}, and the task's held_starts are {sorted(task.held_starts)}"
+    return f"it lies in stage {inside}, not in stage {stage}"
+
+
 def _no_start(task: Task, batch: BatchScene, stage: int | None, refusal: str) -> LayoutDrawError:
     where = "" if stage is None else f" in stage {stage}"
     return LayoutDrawError(
         f"task {task.name!r} found no start{where} on backend {batch.spec.backend!r} in {MAX_DRAWS} draws: "
-        f"each was refused by the scene, in contact or in another stage. The last refusal: {refusal}. The declared "
-        f"workspace: {batch.spec.workspace}"
+        f"each was refused by the scene, in contact, in another stage or held the object where the task does not say "
+        f"so (`held_starts`). The last one: {refusal}. The declared workspace: {batch.spec.workspace}"
     )
