@@ -120,7 +120,7 @@ def test_an_action_without_causes_is_never_set_and_a_saved_policy_acts_alike(tmp
 ], ids=["SAC", "PPO"])  # fmt: skip
 def test_an_agents_episode_ends_where_its_world_does(learner: Any) -> None:
     env = StageTaskVectorEnv(maker(LINE)(3))
-    agents = learner(ObservationScale.of(env.single_observation_space))
+    agents = learner(ObservationScale.of(env.single_observation_space, LINE))
     obs, _ = env.reset(seed=0)
     actions = np.array([[-1.0, 0.0], [0.2, 0.0], [1.0, 0.0]])  # the first falls off, the last is soon in stage 2
     for _ in range(2):
