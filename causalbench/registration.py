@@ -77,8 +77,8 @@ def make_env(
     """A task in one new world of a backend; `backend_options` go to the backend's `make`, or the task's for it.
 
     Without a `backend` it is "kinematic", or the first that a task over Gymnasium environments names.
-    `observe="paper"` adds what the paper's agents see beside the state, and `features=False` leaves out the task's
-    features, see `core.staged.observation.Observer`.
+    `observe="sectors"` adds the LiDAR's sectors, `observe="paper"` what the paper's agents see beside the state, and
+    `features=False` leaves out the task's features, see `core.staged.observation.Observer`.
 
     Raises `UnknownNameError` for a task or backend that does not exist, `BackendLoadError` for one that lacks its
     simulator and `UserError` for one that cannot run the task.

@@ -45,7 +45,7 @@ def test_a_policy_observes_what_its_environment_does() -> None:
     ("options", "method", "settings", "message"),
     [
         ({}, "mPPO", SACSettings(), "learner 'PPO' takes PPOSettings, got SACSettings"),
-        ({"observe": "paper"}, "SAC", None, "'SAC' reads the state alone: it cannot have `observation: paper`"),
+        ({"observe": "paper"}, "SAC", None, "'SAC' has no convolutions: it cannot have `observation: paper`"),
     ],
 )
 def test_settings_that_a_method_cannot_have_are_refused(

@@ -54,5 +54,6 @@ def _settings(section: Mapping[str, Any], about: Mapping[str, Any], plugins: Plu
         training_count=about["count"],
         action_repeat=about.get("action_repeat", 1),
         features="features" in about,
+        observation=about.get("observation", "state"),
         **{name: about[name] for name in sampled},
     )

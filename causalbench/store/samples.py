@@ -72,7 +72,7 @@ class SampleFolder:
         self.path.mkdir(parents=True, exist_ok=True)
         n_placebos = samples.actions.shape[1] - len(task.actions)
         arrays = {name: getattr(samples, name) for name in ARRAYS} | {
-            "state_names": np.array(task.input_names("features" in about)),
+            "state_names": np.array(task.input_names("features" in about, about.get("observation") == "sectors")),
             "action_names": np.array([*task.actions, *(f"placebo{p}" for p in range(n_placebos))]),
             "reward_names": np.array(task.stage_terms(about["stage"], discoverable_only=True)),
             "about": np.array(

@@ -25,7 +25,8 @@ class DiscoverySettings:
     inference_fraction: Annotated[float, Gt(0)] = 0.2  # size of D_inference relative to training_count
     sequence_length: Annotated[int, Gt(0)] = 10  # actions until the stage is entered anew; no function of sample count
     action_repeat: Annotated[int, Gt(0)] = 1  # control steps for which an action is held; each one counts
-    observation: Literal["state", "paper"] = "state"  # "paper": reward models see the image or the LiDAR, too
+    # What reward models see, too: "sectors" of the LiDAR, "paper": the image or the LiDAR through convolutions.
+    observation: Literal["state", "sectors", "paper"] = "state"
     features: bool = True  # reward models see the task's features, too, see `StageTask.features`
     n_placebos: Annotated[int, Ge(0)] = 8  # action dimensions that no world sees, probed like actions; 0: literal
     oracle_states: Annotated[int, Ge(0)] = 0  # visited states per stage by which an oracle grades the graph; 0: none

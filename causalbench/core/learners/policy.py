@@ -35,13 +35,15 @@ Distribution = Literal["squashed", "gaussian"]
 class ObservationScale:
     """Declared bounds to [-1, 1]: `state` (n_state,) low and high, gripper opening [0, max] where it is observed.
 
-    Beside them, as they are, `features` of the task by name, and `sensor`, which `Encoder` scales; "" for none.
+    Beside them, as they are, `features` of the task by name, `sectors` of the LiDAR, how many, and `sensor`, which
+    `Encoder` scales; "" for none.
     """
 
     low: tuple[float, ...]
     high: tuple[float, ...]
     sensor: str = ""
     features: tuple[str, ...] = ()
+    sectors: int = 0
 
     @classmethod
     def of(cls, space: Any, task: StageTask, observation: str = "state") -> ObservationScale:
@@ -49,19 +51,21 @@ class ObservationScale:
         parts = [space["state"]] + ([space["gripper"]] if "gripper" in space.spaces else [])
         low, high = (np.concatenate([getattr(part, side) for part in parts]) for side in ("low", "high"))
         features = task.feature_names if "features" in space.spaces else ()
-        return cls(tuple(map(float, low)), tuple(map(float, high)), task.sensor_in(observation), features)
+        sectors = space["sectors"].shape[0] if "sectors" in space.spaces else 0
+        return cls(tuple(map(float, low)), tuple(map(float, high)), task.sensor_in(observation), features, sectors)
 
     @property
     def n_inputs(self) -> int:
         """How many numbers the networks take."""
-        return len(self.low) + len(self.features) + Encoder(self.sensor).n_sensed
+        return len(self.low) + len(self.features) + self.sectors + Encoder(self.sensor).n_sensed
 
     def __call__(self, obs: dict[str, Any]) -> Tensor:
         """(n, n_inputs) float32 network input; `obs` in batches. The networks do not read `stage`."""
         parts = [obs["state"], obs["gripper"]] if len(self.low) > obs["state"].shape[-1] else [obs["state"]]
         low, high = np.array(self.low, dtype=np.float32), np.array(self.high, dtype=np.float32)
         scaled = torch.from_numpy((np.concatenate(parts, axis=-1) - low) * (2 / (high - low)) - 1)
-        others = [*(["features"] if self.features else []), *([self.sensor] if self.sensor else [])]
+        beside = {"features": self.features, "sectors": self.sectors, self.sensor: self.sensor}
+        others = [name for name, read in beside.items() if read]
         if missing := [name for name in others if name not in obs]:
             raise UserError(f"this policy reads {missing}, and the observation has {sorted(obs)}; see `make_env`")
         flat = (torch.from_numpy(obs[name]).reshape(len(scaled), -1).float() for name in others)
@@ -132,6 +136,7 @@ class StagedPolicy:
             "high": self.scale.high,
             "sensor": self.scale.sensor,
             "features": self.scale.features,
+            "sectors": self.scale.sectors,
             "weights": file_digest(folder / WEIGHTS),
         }
         write_json(folder / META, meta | {"sha256": content_hash(meta, 64)})
@@ -151,7 +156,8 @@ def load_policy(folder: Path | str) -> StagedPolicy:
             count = sum(name.startswith(prefix) for name in tensors)
             actors.append([tensors[f"{prefix}{k}"] for k in range(count)])
         actions = [np.array(a, dtype=np.int64) for a in meta["actions"]]
-        scale = ObservationScale(tuple(meta["low"]), tuple(meta["high"]), meta["sensor"], tuple(meta["features"]))
+        bounds = tuple(meta["low"]), tuple(meta["high"])
+        scale = ObservationScale(*bounds, meta["sensor"], tuple(meta["features"]), meta["sectors"])
         return StagedPolicy(actors, actions, meta["n_actions"], scale, meta["distribution"])
     except FileNotFoundError as error:
         raise UserError(f"{folder}: no trained policy here ({error.filename} is missing)") from error

@@ -21,7 +21,8 @@ class StagedSettings:
 
     n_envs: Annotated[int, Gt(0)] = 1  # scenes stepped by one learner
     observe_gripper: bool = True  # ours; the paper's observation has no gripper opening
-    observation: Literal["state", "paper"] = "state"  # "paper": image or LiDAR, too, through the paper's convolutions
+    # "sectors": how near something is in each sector of the LiDAR, too; "paper": image or LiDAR through convolutions.
+    observation: Literal["state", "sectors", "paper"] = "state"
     features: bool = True  # ours; what the task computes from the state, `StageTask.features`
 
 

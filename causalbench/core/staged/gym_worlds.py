@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from causalbench.core.staged.gym_starts import GymStarts
 from causalbench.core.staged.gym_world import GymWorld
-from causalbench.core.staged.observation import Observation, Observe, features_space
+from causalbench.core.staged.observation import Observation, Observe, features_space, no_sectors
 from causalbench.core.staged.worlds import Origin, Step, Worlds
 from causalbench.core.tasks.gym_task import GymTask
 from causalbench.core.world.capabilities import Capability
@@ -92,6 +92,8 @@ class GymWorlds(Worlds):
 
     def choose_observation(self, gripper: bool = True, observe: Observe = "state", features: bool = True) -> None:
         """See `Worlds`; there is nothing but features to choose."""
+        if observe == "sectors":
+            raise no_sectors(self.task)
         self._features = features and bool(self.task.feature_names)
         self._low, self._high = (np.asarray(bound, dtype=np.float32) for bound in self.task.state_bounds)
         state, stage = gym.spaces.Box(self._low, self._high, dtype=np.float32), gym.spaces.Discrete(self.task.n_stages)

@@ -13,13 +13,14 @@ from causalbench.core.tasks.task import Task
 from causalbench.core.world.batch import BatchScene
 from causalbench.core.world.cameras import HEIGHT, WIDTH
 from causalbench.core.world.facts import Facts
-from causalbench.core.world.lidar import MAX_RANGE, N_RAYS
+from causalbench.core.world.lidar import MAX_RANGE, N_RAYS, N_SECTORS, sectors
 from causalbench.core.world.scene import Scene, SceneSpec
 from causalbench.errors import UserError
 
 Observation = dict[str, Any]
-Observe = Literal["state", "paper"]
-"""What is observed: the state variables, or beside them what the paper's agents see, `StageTask.paper_sensor`."""
+Observe = Literal["state", "sectors", "paper"]
+"""What is observed: the state variables, or beside them how near something is in each sector of the LiDAR, or what the
+paper's agents see, `StageTask.paper_sensor`."""
 
 
 class Observer:
@@ -32,6 +33,8 @@ class Observer:
     - `gripper`: opening in metres, float32 (1,), in a task that observes it, unless `gripper` is False (the paper has
       none);
     - `lidar`: ranges in metres, float32 (220,), in a task that observes it;
+    - `sectors`: how near something is in each sector of the LiDAR, float32 (20,) from 0 for nothing to 1, with
+      `observe="sectors"` in a task that observes the LiDAR, see `lidar.sectors`;
     - `rgb`: the picture of the camera "scene", uint8 (48, 64, 3), with `observe="paper"` in a task with that sensor.
     """
 
@@ -42,6 +45,9 @@ class Observer:
                 f"backend {spec.backend!r} has no capability {sensor!r}, which the paper's observation of task "
                 f"{task.name!r} needs; `causalbench backends` lists those that have it"
             )
+        self._sectors = observe == "sectors"
+        if self._sectors and "lidar" not in task.observes:
+            raise no_sectors(task)
         self._task, self._names = task, tuple(sorted({sensor, *task.observes} - {"", "gripper"}))
         self._gripper, self._features = gripper and "gripper" in task.observes, features and bool(task.feature_names)
         low, high = (bound.astype(np.float32) for bound in task.state_bounds(spec.workspace))
@@ -53,6 +59,8 @@ class Observer:
             spaces["features"] = features_space(task)
         if self._gripper:
             spaces["gripper"] = gym.spaces.Box(0.0, spec.max_opening, (1,), np.float32)
+        if self._sectors:
+            spaces["sectors"] = gym.spaces.Box(0.0, 1.0, (N_SECTORS,), np.float32)
         self.space = gym.spaces.Dict(spaces | {name: SENSORS[name] for name in self._names})
         # The opening is clipped together with the state, in one array that is the observation's own.
         self._low, self._high = np.append(low, np.float32(0)), np.append(high, np.float32(spec.max_opening))
@@ -71,15 +79,19 @@ class Observer:
             obs["gripper"] = values[..., -1:]
         for name in self._names:
             obs[name] = sense(world, name)
+        if self._sectors:
+            obs["sectors"] = sectors(obs["lidar"])
         return obs
 
-    def model_inputs(self, facts: Facts) -> NDArray[np.float32]:
-        """(..., n_inputs) what a model of the rewards sees: all that they depend on, and the features."""
+    def model_inputs(self, facts: Facts, world: Scene | BatchScene) -> NDArray[np.float32]:
+        """(..., n_inputs) what a model of the rewards sees: all that they depend on, features and sectors."""
         state, opening = self._task.observe(facts), np.asarray(facts.gripper_opening)[..., None]
-        inputs = np.concatenate([state, opening], axis=-1).astype(np.float32)
-        if not self._features:
-            return inputs
-        return np.concatenate([inputs, self._task.features_of(inputs[..., :-1])], axis=-1)
+        parts = [np.concatenate([state, opening], axis=-1).astype(np.float32)]
+        if self._features:
+            parts.append(self._task.features_of(parts[0][..., :-1]))
+        if self._sectors:
+            parts.append(sectors(sense(world, "lidar")))
+        return np.concatenate(parts, axis=-1)
 
 
 SENSORS: dict[str, gym.spaces.Box] = {
@@ -87,6 +99,11 @@ SENSORS: dict[str, gym.spaces.Box] = {
     "rgb": gym.spaces.Box(0, 255, (HEIGHT, WIDTH, 3), np.uint8),
 }
 """What can be sensed beside the facts, and the space of it in one world."""
+
+
+def no_sectors(task: StageTask) -> UserError:
+    """The error for a task that observes no LiDAR."""
+    return UserError(f"task {task.name!r} observes no LiDAR, so it has no `sectors`; use `state`")
 
 
 def features_space(task: StageTask) -> gym.spaces.Box:

@@ -84,7 +84,7 @@ class SceneWorlds(Worlds):
 
     def states(self) -> NDArray[np.float32]:
         """See `Worlds`."""
-        return self._observer.model_inputs(self.facts)
+        return self._observer.model_inputs(self.facts, self.scene)
 
     def sense(self, sensor: str) -> NDArray[Any]:
         """See `Worlds`."""

@@ -85,7 +85,8 @@ class Worlds(ABC):
 
         Raises `InvalidActionError` before anything moves.
         """
-        step = self._step(check_action(actions, (*self.shape, len(self.task.actions))), repeat)
+        checked = check_action(actions, (*self.shape, len(self.task.actions)))
+        step = self._step(self.task.executed(checked), repeat)
         self.stage = step.next_stage
         self.env_steps += self.n * repeat
         return step
@@ -110,9 +111,10 @@ class Worlds(ABC):
 
     @abstractmethod
     def choose_observation(self, gripper: bool = True, observe: Observe = "state", features: bool = True) -> None:
-        """Choose what `observe` returns: with the gripper's opening or without, and what the paper's agents see or not.
+        """Choose what `observe` returns: with the gripper's opening or without, and what stands beside the state.
 
-        Both it and `states` have the task's features unless `features` is False.
+        Both it and `states` have the task's features unless `features` is False, and the LiDAR's sectors if `observe`
+        is "sectors".
 
         Raises `UserError` for a sensor that the worlds do not have.
         """

@@ -44,6 +44,7 @@ class Constants(NamedTuple):
     max_forward: float = 1.0  # m/s, bound of the observed speed
     max_turn: float = 2.0  # rad/s, likewise
     bounds_margin: float = 0.2  # beyond where the hand starts and works, in the bounds of what is observed
+    reverse: float = 0.2  # share of the speed at which the base drives backwards
     feature_distance: float = 0.2  # of the hand from the target, that makes a feature 1
     expert_gain: float = 0.5  # share of an error that the expert removes in a control step
     expert_ahead: int = 4  # cells of the ground that the expert looks ahead
@@ -307,8 +308,8 @@ def expert(facts: Facts, spec: SceneSpec, layout: Layout | Sequence[Layout] | No
 
 TASK = Task(
     name="mobile_manipulation",
-    version=0,
-    env_id="causalbench/MobileManipulation-v0",
+    version=1,
+    env_id="causalbench/MobileManipulation-v1",
     n_stages=N_STAGES,
     actions=ACTIONS,
     terms=TERMS,
@@ -332,4 +333,5 @@ TASK = Task(
     potential_terms=("r_rho", "r_theta", "r_eefx", "r_eefy", "r_eefz", "r_success"),
     features=features,
     feature_names=FEATURE_NAMES,
+    reverse_share={"forward": C.reverse},
 )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
@@ -57,7 +57,8 @@ class StageTask:
       one reward: see `causalbench.core.learners.scalars`;
     - `features(state)`: numbers (..., n_features) that are named in `feature_names`, computed from the state variables
       (..., n_state) alone, at a scale at which the task's tolerances are visible to a network. Learners and models of
-      the rewards see them beside the state. None where there are none.
+      the rewards see them beside the state. None where there are none;
+    - `reverse_share`: by action, the share at which a value below 0 is executed, where that is not all of it.
 
     Raises `UserError` for a name or a stage that does not exist.
     """
@@ -77,10 +78,15 @@ class StageTask:
     potential_terms: tuple[str, ...] = ()
     features: Callable[[NDArray[Any]], NDArray[Any]] | None = None
     feature_names: tuple[str, ...] = ()
+    reverse_share: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if bool(self.features) != bool(self.feature_names):
             raise UserError(f"task {self.name!r}: `features` and `feature_names` must be given together")
+        if not {*self.reverse_share} <= {*self.actions} or not all(0 < s <= 1 for s in self.reverse_share.values()):
+            raise UserError(
+                f"task {self.name!r}: reverse_share: expected shares in (0, 1] of {', '.join(self.actions)}"
+            )
         inputs = self.state_names + self.feature_names
         if len({*inputs}) < len(inputs):
             raise UserError(f"task {self.name!r}: state_names, feature_names: expected each name once, got {inputs}")
@@ -109,8 +115,15 @@ class StageTask:
         """Names of the reward terms in vector order."""
         return tuple(term.name for term in self.terms)
 
-    def input_names(self, features: bool) -> tuple[str, ...]:
-        """Names of all that a model of the rewards sees of a state, with its `features` or without: `Worlds.states`."""
+    def executed(self, actions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """What the worlds execute of `actions` (..., n_actions); 0 stays 0."""
+        if not self.reverse_share:
+            return actions
+        share = np.array([self.reverse_share.get(name, 1.0) for name in self.actions])
+        return np.where(actions < 0.0, actions * share, actions)
+
+    def input_names(self, features: bool, sectors: bool = False) -> tuple[str, ...]:
+        """Names of all that a model of the rewards sees of a state: `Worlds.states`, with what was chosen for it."""
         return self.state_names + (self.feature_names if features else ())
 
     def features_of(self, state: NDArray[Any]) -> NDArray[np.float32]:

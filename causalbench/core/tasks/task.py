@@ -13,6 +13,7 @@ from causalbench.core.tasks.stage_task import StageTask
 from causalbench.core.world.capabilities import Capability
 from causalbench.core.world.facts import Facts
 from causalbench.core.world.layout import Layout, Workspace
+from causalbench.core.world.lidar import N_SECTORS
 from causalbench.core.world.scene import Scene, SceneSpec
 from causalbench.errors import UserError
 
@@ -78,6 +79,7 @@ class Task(StageTask):
         if "lidar" in self.observes and Capability.LIDAR not in self.requires:
             raise UserError(f"task {self.name!r} observes the lidar, so `requires` must name Capability.LIDAR")
 
-    def input_names(self, features: bool) -> tuple[str, ...]:
-        """The state variables, since rewards may depend on it how far the gripper is open, and the features."""
-        return (*self.state_names, "gripper_opening", *(self.feature_names if features else ()))
+    def input_names(self, features: bool, sectors: bool = False) -> tuple[str, ...]:
+        """The state variables, since rewards may depend on it how far the gripper is open, features and sectors."""
+        seen = tuple(f"sector_{k}" for k in range(N_SECTORS)) if sectors else ()
+        return (*self.state_names, "gripper_opening", *(self.feature_names if features else ()), *seen)

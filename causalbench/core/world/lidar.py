@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,20 @@ ANGLES = np.radians(np.linspace(-110.0, 110.0, N_RAYS))
 POSITION = (0.235, 0.0, 0.2878)
 """Of the scanner in the base frame, m: where Fetch has its laser; one for all robots, so that they see alike."""
 MAX_RANGE = 10.0  # m; also what a ray that meets nothing says
+
+N_SECTORS = 20
+"""Sectors of equal width, 11 rays each, that stand for a scan where all rays would be too many."""
+NEAR, FADING = 0.2, 0.4  # m: what is nearer counts 1, and e times less for every so much farther
+
+
+def sectors(ranges: NDArray[Any]) -> NDArray[Any]:
+    """Proximities (..., 20) of the nearest thing in each sector of scans `ranges` (..., 220): 1 at `NEAR`, 0 for none.
+
+    The dtype stays; sector 0 is the rightmost.
+    """
+    nearest = ranges.reshape(*ranges.shape[:-1], N_SECTORS, -1).min(-1)
+    out: NDArray[Any] = np.exp(-np.maximum(nearest - NEAR, 0.0) / FADING)
+    return out
 
 
 def scanner_pose(base_pose: Array, position: tuple[float, float, float]) -> Array:

@@ -223,5 +223,5 @@ def test_a_number_that_is_none_in_the_image_ends_training_as_diverged(monkeypatc
 
 
 def test_stable_baselines3s_own_rows_refuse_it() -> None:
-    with pytest.raises(UserError, match="'SAC' reads the state alone"):
+    with pytest.raises(UserError, match="'SAC' has no convolutions"):
         train(PURE, make, METHOD["SAC"], None, SEES["SAC"], LOOKS, 10)

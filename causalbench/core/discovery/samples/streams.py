@@ -103,7 +103,7 @@ class Recipe:
             "inference_fraction": self.settings.inference_fraction,
             "worlds": N_WORLDS,
             **({"features": True} if self.settings.features and self.task.features else {}),
-            **({"observation": "paper"} if self.settings.observation == "paper" else {}),
+            **({"observation": seen} if (seen := self.settings.observation) != "state" else {}),
             **({"action_repeat": self.settings.action_repeat} if self.settings.action_repeat > 1 else {}),
         }
 

@@ -17,7 +17,7 @@ ABOUT = "stable-baselines3's own agent, one for all stages, on one reward"
 
 @dataclass(frozen=True)
 class SB3SACSettings:
-    """Settings of stable-baselines3's `SAC`, which reads the state alone."""
+    """Settings of stable-baselines3's `SAC`, which has no convolutions."""
 
     net_arch: tuple[Annotated[int, Gt(0)], ...] = (64, 64)
     batch_size: Annotated[int, Gt(0)] = 256
@@ -31,14 +31,14 @@ class SB3SACSettings:
     ent_coef_init: Annotated[float, Gt(0)] = 0.05  # entropy start; SB3's "auto" starts at 1.0
     n_envs: Annotated[int, Gt(0)] = 1  # scenes stepped by one agent
     observe_gripper: bool = True  # ours; the paper's observation has no gripper opening
-    observation: Literal["state"] = "state"
+    observation: Literal["state", "sectors"] = "state"  # "sectors": those of the LiDAR, too
     scalar: ScalarName = "shaped"  # what the reward vector becomes; "paper": its sum, which pays for falling back
     features: bool = True  # ours; what the task computes from the state
 
 
 @dataclass(frozen=True)
 class SB3PPOSettings:
-    """Settings of stable-baselines3's `PPO`, which reads the state alone."""
+    """Settings of stable-baselines3's `PPO`, which has no convolutions."""
 
     net_arch: tuple[Annotated[int, Gt(0)], ...] = (64, 64)
     n_steps: Annotated[int, Gt(0)] = 1_024  # env steps in an epoch, of all worlds together
@@ -55,7 +55,7 @@ class SB3PPOSettings:
     log_std_init: float = -0.5  # SB3's 0.0 puts a third of all first actions on their bounds
     n_envs: Annotated[int, Gt(0)] = 1  # scenes stepped by one agent
     observe_gripper: bool = True  # ours; the paper's observation has no gripper opening
-    observation: Literal["state"] = "state"
+    observation: Literal["state", "sectors"] = "state"  # "sectors": those of the LiDAR, too
     scalar: ScalarName = "shaped"  # what the reward vector becomes; "paper": its sum, which pays for falling back
     features: bool = True  # ours; what the task computes from the state
 

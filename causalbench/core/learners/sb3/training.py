@@ -128,8 +128,8 @@ def _updates(model: SAC | PPO) -> int:
 
 def _train(problem: TrainingProblem, make: Callable[..., SAC | PPO], distribution: Distribution) -> Trained:
     settings, name = problem.settings, problem.method.name
-    if settings.observation != "state":
-        raise UserError(f"method {name!r} reads the state alone: it cannot have `observation: {settings.observation}`")
+    if settings.observation == "paper":
+        raise UserError(f"method {name!r} has no convolutions: it cannot have `observation: paper`")
     if problem.checkpoints:
         LOG.info("stable-baselines3's own agents keep no checkpoints")
     with closing(problem.vector_env(settings.n_envs)) as env, closing(Examiner(problem)) as examiner:
