@@ -83,10 +83,6 @@ class StageTask:
     def __post_init__(self) -> None:
         if bool(self.features) != bool(self.feature_names):
             raise UserError(f"task {self.name!r}: `features` and `feature_names` must be given together")
-        if not {*self.reverse_share} <= {*self.actions} or not all(0 < s <= 1 for s in self.reverse_share.values()):
-            raise UserError(
-                f"task {self.name!r}: reverse_share: expected shares in (0, 1] of {', '.join(self.actions)}"
-            )
         inputs = self.state_names + self.feature_names
         if len({*inputs}) < len(inputs):
             raise UserError(f"task {self.name!r}: state_names, feature_names: expected each name once, got {inputs}")
@@ -105,9 +101,13 @@ class StageTask:
                 f"task {self.name!r}: `potential` and `potential_terms`, some of {', '.join(self.term_names)}, must be "
                 "given together"
             )
+        if not {*self.reverse_share} <= {*self.actions} or not all(0 < s <= 1 for s in self.reverse_share.values()):
+            raise UserError(
+                f"task {self.name!r}: reverse_share: expected shares in (0, 1] of {', '.join(self.actions)}"
+            )
 
     def sensor_in(self, observation: str) -> Sensor:
-        """The sensor that "state" or "paper" observes beside the state; "" for none."""
+        """The sensor that `observation` observes as it is beside the state; "" for none."""
         return self.paper_sensor if observation == "paper" else ""
 
     @property
