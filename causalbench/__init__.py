@@ -6,36 +6,52 @@ known to `gymnasium.make`, as does `gymnasium.make("causalbench:causalbench/Pure
 
 from __future__ import annotations
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from causalbench._version import __version__ as __version__
+from causalbench._version import __version__
+from causalbench.lazy import lazy
 from causalbench.registration import register_with_gymnasium
 
 if TYPE_CHECKING:
-    from causalbench.api import discover as discover
-    from causalbench.api import train as train
-    from causalbench.core.learners.policy import load_policy as load_policy
-    from causalbench.registration import make_env as make_env
-    from causalbench.report.frames import load_results as load_results
+    from causalbench.api import discover, load_graph, train
+    from causalbench.core.discovery.settings import DiscoverySettings
+    from causalbench.core.learners.policy import load_policy
+    from causalbench.core.learners.ppo.settings import PPOSettings
+    from causalbench.core.learners.sac.settings import SACSettings
+    from causalbench.core.learners.settings import EvaluationSettings
+    from causalbench.registration import make_env
+    from causalbench.report.frames import load_results
 
-_HOME = {
+_HOMES = {
+    "DiscoverySettings": "causalbench.core.discovery.settings",
+    "EvaluationSettings": "causalbench.core.learners.settings",
+    "PPOSettings": "causalbench.core.learners.ppo.settings",
+    "SACSettings": "causalbench.core.learners.sac.settings",
     "discover": "causalbench.api",
+    "load_graph": "causalbench.api",
     "load_policy": "causalbench.core.learners.policy",
     "load_results": "causalbench.report.frames",
     "make_env": "causalbench.registration",
     "train": "causalbench.api",
 }
 
+__all__ = [
+    "DiscoverySettings",
+    "EvaluationSettings",
+    "PPOSettings",
+    "SACSettings",
+    "__version__",
+    "discover",
+    "load_graph",
+    "load_policy",
+    "load_results",
+    "make_env",
+    "train",
+]
 
+__getattr__ = lazy(__name__, _HOMES)
 register_with_gymnasium()
 
 
-def __getattr__(name: str) -> Any:
-    if name not in _HOME:
-        raise AttributeError(f"module 'causalbench' has no attribute {name!r}")
-    return getattr(importlib.import_module(_HOME[name]), name)
-
-
 def __dir__() -> list[str]:
-    return sorted([*globals(), *_HOME])
+    return sorted({*globals(), *__all__})

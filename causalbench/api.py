@@ -1,9 +1,10 @@
-"""Discovery and training from Python, on an environment of `make_env`: `causalbench.discover`, `causalbench.train`."""
+"""Discovery and training from Python, on an environment of `make_env`: `causalbench.discover`, `causalbench.train`, `load_graph`."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Mapping
+from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -34,6 +35,14 @@ class TrainingRun(NamedTuple):
 
 def _silent(share: float, text: str) -> None:
     """Report nothing."""
+
+
+def load_graph(path: str | PathLike[str]) -> CausalGraph:
+    """The causal graph in a file `graph.json`.
+
+    Raises `InvalidGraphError` for a file that cannot be read, is no graph, or does not match its own hash.
+    """
+    return CausalGraph.load(Path(path))
 
 
 def discover(

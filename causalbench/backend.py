@@ -6,8 +6,7 @@ when they are first asked for.
 
 from __future__ import annotations
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from causalbench.core.kit import base_following as base_following
 from causalbench.core.kit import stepping as stepping
@@ -39,6 +38,7 @@ from causalbench.errors import (
     UnreachableLayoutError,
     UserError,
 )
+from causalbench.lazy import lazy
 from causalbench.plugins.backends import Backend, Variant
 from causalbench.plugins.hookspecs import hookimpl
 
@@ -108,8 +108,4 @@ __all__ = [
     "variable_by_default",
 ]
 
-
-def __getattr__(name: str) -> Any:
-    if name not in _COMPILED:
-        raise AttributeError(f"module 'causalbench.backend' has no attribute {name!r}")
-    return importlib.import_module(_COMPILED[name])
+__getattr__ = lazy(__name__, _COMPILED)

@@ -5,14 +5,14 @@ Importing it imports no torch: what needs it is imported when it is first asked 
 
 from __future__ import annotations
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from causalbench.core.discovery.graph import CausalGraph
 from causalbench.core.learners.records import Evaluation, TrainingCounts
 from causalbench.core.learners.registry import Learner, Policy, Trained, TrainingProblem
 from causalbench.core.learners.settings import EvaluationSettings, StagedSettings
 from causalbench.errors import DivergedError, UserError
+from causalbench.lazy import lazy
 from causalbench.plugins.hookspecs import hookimpl
 
 if TYPE_CHECKING:
@@ -62,8 +62,4 @@ __all__ = [
     "train_staged",
 ]
 
-
-def __getattr__(name: str) -> Any:
-    if name not in _WITH_TORCH:
-        raise AttributeError(f"module 'causalbench.learner' has no attribute {name!r}")
-    return getattr(importlib.import_module(f"causalbench.core.learners.{_WITH_TORCH[name]}"), name)
+__getattr__ = lazy(__name__, {name: f"causalbench.core.learners.{module}" for name, module in _WITH_TORCH.items()})

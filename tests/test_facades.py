@@ -6,10 +6,12 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
-from causalbench import backend
+import causalbench
+from causalbench import backend, discoverer, learner, method, task
 
 ROOT = Path(__file__).parents[1]
 OPEN = re.compile(r"causalbench(\.backend|\.core\.kit(\.\w+)*|\.conformance\.testing)?")
@@ -21,14 +23,19 @@ PLACES = [
 ]
 
 
-@pytest.mark.parametrize("name", backend.__all__)
-def test_every_name_of_the_facade_is_there(name: str) -> None:
-    assert getattr(backend, name) is not None
+FACADES = (causalbench, backend, discoverer, learner, method, task)
+
+
+@pytest.mark.parametrize("facade", FACADES, ids=lambda facade: facade.__name__)
+def test_every_name_of_a_facade_is_there(facade: ModuleType) -> None:
+    assert len(set(facade.__all__)) == len(facade.__all__)
+    assert [name for name in facade.__all__ if getattr(facade, name, None) is None] == []
 
 
 def test_a_name_that_is_not_there_is_an_attribute_error() -> None:
-    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
-        backend.nothing  # noqa: B018
+    for facade in FACADES:
+        with pytest.raises(AttributeError, match=rf"module '{facade.__name__}' has no attribute 'nothing'"):
+            facade.nothing  # noqa: B018
 
 
 def test_the_facade_imports_neither_simulators_nor_what_takes_time() -> None:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import sys
+from typing import Annotated
 
 import typer
 
+from causalbench._version import __version__
 from causalbench.cli.backends import backends, check, doctor, new_backend
 from causalbench.cli.discover import discover
 from causalbench.cli.options import EXIT_FAILED, EXIT_MISTAKE
@@ -18,8 +20,17 @@ for command in (run, plan, discover, leaderboard, play, verify, backends, check,
     app.command()(command)
 
 
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"causalbench {__version__}")
+        raise typer.Exit
+
+
+Version = Annotated[bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")]
+
+
 @app.callback()
-def causalbench() -> None:
+def causalbench(version: Version = False) -> None:
     """Does knowing which actions cause which rewards make multi-stage robot tasks learnable, in any simulator?"""
 
 

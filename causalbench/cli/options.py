@@ -15,7 +15,7 @@ from causalbench.errors import UserError
 EXIT_FAILED, EXIT_MISTAKE, EXIT_INTERRUPTED = 1, 2, 130
 
 
-SuiteArgument = Annotated[Path, typer.Argument(help="Suite file, such as suites/pure_manip.yaml.")]
+SuiteArgument = Annotated[Path, typer.Argument(help="Suite file, or the name of one that comes along: pure_manip.")]
 Tier = Annotated[str, typer.Option(help="How much to run: one of the suite's tiers.")]
 Seeds = Annotated[int | None, typer.Option(min=1, help="Run N seeds instead of the tier's number.")]
 Only = Annotated[list[str] | None, typer.Option(help="Keep some cells: backend=A,method=B,seed=0 (repeatable).")]

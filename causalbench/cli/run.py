@@ -114,8 +114,9 @@ def _plan(
     from causalbench.store.run_folder import RunFolder
     from causalbench.suite.plan import make_plan
     from causalbench.suite.schema import load_suite
+    from causalbench.suite.shipped import find_suite
 
-    file = load_suite(suite, installed())
+    file = load_suite(find_suite(suite), installed())
     plan = make_plan(file, tier, installed(), seeds, only or ())
     return plan, RunFolder(out or Path("runs") / f"{file.suite.name}-{tier}"), file
 

@@ -119,11 +119,11 @@ def _read(path: Path) -> str:
     try:
         found = path.stat()
         if not stat.S_ISREG(found.st_mode):
-            raise SuiteError(f"{path}: not a regular file; expected a suite file such as suites/pure_manip.yaml")
+            raise SuiteError(f"{path}: not a regular file; expected a suite file, or a name such as pure_manip")
         if found.st_size > MAX_BYTES:
             raise SuiteError(f"{path}: {found.st_size} bytes, and a suite file has at most {MAX_BYTES}")
         return path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise SuiteError(
-            f"{path}: cannot be read ({error}); expected a suite file such as suites/pure_manip.yaml"
+            f"{path}: cannot be read ({error}); expected a suite file, or a name such as pure_manip"
         ) from error
