@@ -1,4 +1,4 @@
-"""Discovery and training from Python, on an environment of `make_env`: `causalbench.discover`, `causalbench.train`, `load_graph`."""
+"""Discovery and training from Python: `causalbench.discover`, `causalbench.train`, `causalbench.load_graph`."""
 
 from __future__ import annotations
 

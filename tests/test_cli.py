@@ -41,6 +41,11 @@ def test_help_names_every_command_and_imports_nothing_heavy() -> None:
     assert heavy.isdisjoint(modules.split())
 
 
+def test_the_version_is_one_line(call: Callable) -> None:
+    done = call("--version")
+    assert (done.returncode, done.stdout) == (0, f"causalbench {version('causalbench-robotics')}\n")
+
+
 def test_a_mistake_in_the_suite_is_one_line_and_exit_code_2(call: Callable, tiny_suite: Path, tmp_path: Path) -> None:
     bad = tmp_path / "bad.yaml"
     bad.write_text(tiny_suite.read_text().replace("mSAC]", "mmSAC]"))
