@@ -12,7 +12,7 @@ SUITE: Final = 1
 RUN: Final = 2
 """A run folder as a whole: `run.json`, `environment.json`."""
 CELL: Final = 3
-"""The folder of a cell: `cell.json`, `status.json`, `progress.csv`, `counts.json`."""
+"""The folder of a cell: `cell.json`, `status.json`, `progress.csv`, `episodes.csv`, `counts.json`."""
 GRAPH: Final = 4
 """A causal graph, `graph.json`."""
 CHECKPOINT: Final = 3
@@ -21,7 +21,7 @@ POLICY: Final = 4
 """A trained policy, `policy.json` and `policy.safetensors`."""
 SAMPLES: Final = 2
 """The samples of a discovery, one .npz a set."""
-SNAPSHOT: Final = 2
+SNAPSHOT: Final = 1
 """The bytes of a scene's snapshot."""
 
 SuiteFormat = Literal[1]

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-RESULT_FILES = ("results.csv", "curves.csv", "returns.csv", "stages.csv", "discovery.csv", "leaderboard.csv")
+RESULT_FILES = (
+    "results.csv", "curves.csv", "returns.csv", "stages.csv", "episodes.csv", "stage_account.csv", "moves.csv",
+    "progress_account.csv", "latching.csv", "discovery.csv", "leaderboard.csv",
+)  # fmt: skip
 TIMED = ("status.json", "log.txt")
 """The files of a cell that hold times."""
 

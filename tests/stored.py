@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from causalbench.core.discovery.graph import manual_graph
-from causalbench.core.learners.records import Evaluation, TrainingCounts
+from causalbench.core.learners.records import Episode, Evaluation, TrainingCounts
 from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench.store.cells import Status
+from causalbench.store.episodes import stage_trace, write_episodes
 from causalbench.store.records import write_counts, write_progress
 from causalbench.store.run_folder import RunFolder
 from causalbench.suite.cells import cell_id
@@ -38,13 +41,14 @@ class PlannedCell:
         return cell_id(self.identity)
 
 
-def finished(run: RunFolder, success: float = 0.5, **changes: Any) -> PlannedCell:
+def finished(run: RunFolder, success: float = 0.5, episodes: Sequence[Episode] = (), **changes: Any) -> PlannedCell:
     """A learner cell that is done in `run`; `changes` are of its identity."""
     cell = PlannedCell(LEARNER | changes)
     folder = run.start(cell)
     write_progress(folder / "progress.csv", [evaluation(50, 0.0), evaluation(100, success)])
     counts = TrainingCounts(np.zeros((3, 3), dtype=np.int64), 100, 8, reached={1: 2, 2: 1})
     write_counts(folder / "counts.json", counts, None)
+    write_episodes(folder / "episodes.csv", episodes)
     (folder / "policy").mkdir()
     (folder / "policy" / "policy.json").write_text(json.dumps({"success": success}))
     run.finish(cell, Status("done", "", 1.5, 100))
@@ -65,3 +69,10 @@ def discovered(run: RunFolder, **changes: Any) -> PlannedCell:
 def evaluation(env_steps: int, success: float) -> Evaluation:
     """One of a training run."""
     return Evaluation(env_steps, 4, success, success, None, 0.0, 1.5, 7.0, {"r_a": -1.0})
+
+
+def episode(stages: str, final_stage: int, n_stages: int = 3, held: bool | None = None, **changes: Any) -> Episode:
+    """An episode with this stage trace, such as "1x3 2x5"; a success if `final_stage` is the one after the last."""
+    trace, success = stage_trace(stages), final_stage > n_stages
+    made = Episode(0, True, success, held, n_stages, trace, final_stage, {"r_a": -1.0, "r_b": 0.25})
+    return dataclasses.replace(made, **changes)

@@ -80,6 +80,43 @@ COLUMNS: dict[str, Column] = {
     "from_stage": _count("", "Stage before the step; empty where `quantity` is of one stage."),
     "to_stage": _text('Stage after the step, or the stage that `quantity` is of; "all" for an agent of all stages.'),
     "count": _count("", "How many."),
+    # Episodes
+    "episode": _count("", "Number of the episode in its mode, from 0; the same number has the same start everywhere."),
+    "deterministic": _count("", "1 if the policy's mean action was taken, 0 if actions were drawn."),
+    "success": _count("", "1 if the task's verdict was success, else 0."),
+    "held": _count("", "1 if the success stood the task's own test, 0 if not; empty without success or test."),
+    "n_stages": _count("stages", "Stages of the task."),
+    "length": _count("control steps", "Length of the episode."),
+    "reversals": _count("reversals", "Steps of the episode that led to an earlier stage."),
+    "final_stage": _count("", "Stage after the last step; success is one more than `n_stages`."),
+    "stages": _text("The stage before each step, in run-length form: `1x12 2x5` is 12 steps in stage 1, 5 in stage 2."),
+    "return": _number("reward", "Undiscounted return of the episode, all terms together."),
+    # Progress reversal, in the deterministic episodes of the final evaluation
+    "episodes_reached": _count("episodes", "Those that reached `stage`; one more than `n_stages` is success."),
+    "episodes_held": _count("episodes", "Those that reached it and never fell below it again; a success that held."),
+    "episodes_fell_back": _count("episodes", "Those that reached it and fell below it; a success that did not hold."),
+    "episodes_recovered": _count("episodes", "Those of them that end at or above it."),
+    "episodes_lost": _count("episodes", "Those of them that end below it: lost for good."),
+    "falls": _count("", "Steps from the stage or above to below it."),
+    "steps_in_stage": _count("control steps", "Steps taken in just this stage."),
+    "steps_below": _count("control steps", "Steps taken below the stage after it had been reached."),
+    "largest_progress": _number("", "Mean of the largest share of stages that were behind at once."),
+    "final_progress": _number("", "Mean of the share of stages that are behind at the end; 1 on success."),
+    "regression_loss": _number(
+        "", "Mean over steps of how far progress is below its peak so far, as a share of `largest_progress`."
+    ),
+    "path_efficiency": _number("", "Square of `largest_progress` divided by all progress travelled, up and down."),
+    "largest_drawdown": _number("", "Mean of the deepest fall below the peak so far, as a share of all stages."),
+    "episodes_with_drawdown": _count("episodes", "Those whose progress ever fell."),
+    "drawdown_recovered": _number("", "Mean share of that fall won back, over those episodes; empty without any."),
+    "rule": _text(
+        "A rule that remembers: `peak_progress` was once at least `threshold`, `recorded_milestones` is the share of "
+        "stages ever completed, `success_once` counts a success that does not stand the task's own test."
+    ),
+    "threshold": _number("", "The share of stages that `peak_progress` asks for; empty for other rules."),
+    "latched": _number("", "The share by the rule."),
+    "at_end": _number("", "The same bar judged at the end of the episode, a success only if it held."),
+    "points": _number("percentage points", "What remembering adds: 100 (`latched` - `at_end`)."),
     # Leaderboard
     "rank": _count("", "Place on the backend's board; methods that the seeds do not tell apart share one."),
     "seeds": _count("seeds", "Seeds finished on every backend of the board."),
@@ -137,6 +174,20 @@ TABLES: dict[str, tuple[str, ...]] = {
     ),
     "returns.csv": (*KEYS, "env_steps", "term", "mean_term_return"),
     "stages.csv": (*KEYS, "quantity", "from_stage", "to_stage", "count"),
+    "episodes.csv": (
+        *KEYS, "episode", "deterministic", "success", "held", "n_stages", "length", "reversals", "final_stage",
+        "stages", "return",
+    ),
+    "stage_account.csv": (
+        *KEYS, "stage", "episodes", "episodes_reached", "episodes_held", "episodes_fell_back", "episodes_recovered",
+        "episodes_lost", "falls", "steps_in_stage", "steps_below",
+    ),
+    "moves.csv": (*KEYS, "from_stage", "to_stage", "count"),
+    "progress_account.csv": (
+        *KEYS, "episodes", "largest_progress", "final_progress", "regression_loss", "path_efficiency",
+        "largest_drawdown", "episodes_with_drawdown", "drawdown_recovered",
+    ),
+    "latching.csv": (*KEYS, "rule", "threshold", "latched", "at_end", "points"),
     "discovery.csv": (*EDGE_KEYS, *(f"oracle_{name}" for name in EFFECT), "oracle_grade"),
     "leaderboard.csv": (
         "rank", "method", "grid_point", "backend", "seeds", "budget", "success_auc_iqm", "success_auc_iqm_low",
@@ -149,6 +200,10 @@ TABLES: dict[str, tuple[str, ...]] = {
         "env_steps", "episodes", "success_deterministic", "success_sampled", "held_rate", "reversals_per_episode",
         "mean_final_stage", "mean_length",
     ),
+    "cells/*/episodes.csv": (
+        "episode", "deterministic", "success", "held", "n_stages", "length", "reversals", "final_stage", "stages",
+        "return",
+    ),
     "discovery/*/evidence.csv": ("stage", "term", "action", "selected", "in_policy"),
     "discovery/*/oracle.csv": ("stage", "term", "action", *EFFECT, "floor", "grade", "selected"),
     "discovery/*/score.csv": ("stage", "precision", "recall", "f1", "shd", "f1_weak_present"),
@@ -156,6 +211,8 @@ TABLES: dict[str, tuple[str, ...]] = {
 """File -> its columns, in order. What else a file has is said in `FURTHER`."""
 
 FURTHER = {
+    "episodes.csv": "Then `return_<term>` for each reward term.",
+    "cells/*/episodes.csv": "Then `return_<term>` for each reward term.",
     "discovery.csv": "Then the evidence of the discoverers, as `evidence.csv` has it.",
     "cells/*/progress.csv": "Then `return_<term>` for each reward term: see `mean_term_return`.",
     "discovery/*/evidence.csv": "Then the columns that the discoverer describes in `graph.json`, each with a sentence.",

@@ -24,6 +24,11 @@ class Results:
     curves: pd.DataFrame
     returns: pd.DataFrame
     stages: pd.DataFrame
+    episodes: pd.DataFrame
+    stage_account: pd.DataFrame
+    moves: pd.DataFrame
+    progress_account: pd.DataFrame
+    latching: pd.DataFrame
     discovery: pd.DataFrame
     leaderboard: pd.DataFrame
     timing: pd.DataFrame

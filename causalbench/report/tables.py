@@ -5,14 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+import pandas as pd
+
 from causalbench.core.discovery.edges import edge_rows, evidence_columns
 from causalbench.core.learners.records import Evaluation
 from causalbench.errors import RunFolderError
 from causalbench.report.columns import KEYS, TABLES
 from causalbench.report.leaderboard import leaderboard
+from causalbench.report.stage_account import latching, moves, progress_account, stage_account
 from causalbench.report.stats import area_under, wilson
 from causalbench.store.cells import StoredCell
 from causalbench.store.comparable import merged
+from causalbench.store.episodes import episode_row, return_columns
 from causalbench.store.records import Counts, write_rows
 from causalbench.store.run_folder import RunFolder
 
@@ -35,11 +39,29 @@ def tables(cells: Sequence[StoredCell]) -> dict[str, Table]:
         "curves.csv": [row for cell in learned for row in _curve_rows(cell)],
         "returns.csv": [row for cell in learned for row in _return_rows(cell)],
         "stages.csv": [row for cell in learned for row in _stage_rows(cell)],
+        **_account(learned),
         "leaderboard.csv": leaderboard(results, cells),
         "timing.csv": [_timing_row(cell) for cell in cells],
     }
     edges = _discovery_table([cell for cell in cells if cell.is_done("discovery")])
-    return {file: (TABLES[file], found) for file, found in rows.items()} | {"discovery.csv": edges}
+    written = {file: (TABLES[file], found) for file, found in rows.items()}
+    return written | {"episodes.csv": episode_table(learned), "discovery.csv": edges}
+
+
+def _account(learned: Sequence[StoredCell]) -> dict[str, list[Row]]:
+    """What follows from the episodes."""
+    columns, rows = episode_table(learned)
+    episodes = pd.DataFrame(rows, columns=list(columns))
+    makers = (stage_account, moves, progress_account, latching)
+    return {f"{make.__name__}.csv": make(episodes) for make in makers}
+
+
+def episode_table(learned: Sequence[StoredCell]) -> Table:
+    """`episodes.csv` of a run: the final evaluations of all finished learner cells."""
+    found = [(cell, cell.episodes()) for cell in learned]
+    further = return_columns([episode for _, episodes in found for episode in episodes])
+    rows = [_keys(cell) | episode_row(episode) for cell, episodes in found for episode in episodes]
+    return (*TABLES["episodes.csv"], *further), rows
 
 
 def merged_leaderboard(runs: Sequence[RunFolder]) -> list[Row]:

@@ -21,6 +21,7 @@ from causalbench.plugins.venues import worlds_maker
 from causalbench.run.score_graph import judge_graph
 from causalbench.run.tensorboard import Board
 from causalbench.store.cells import CHECKPOINT, DATA, LOG, State, Status
+from causalbench.store.episodes import write_episodes
 from causalbench.store.records import write_counts, write_progress
 from causalbench.store.run_folder import RunFolder
 from causalbench.store.samples import SampleFolder
@@ -173,6 +174,7 @@ def _learn(cell: LearnerCell, folder: Path, run: RunFolder, on_progress: OnProgr
             checkpoints=Checkpoints(folder / CHECKPOINT, keeping.checkpoint_every),
         )
         policy, counts = _train(installed().learner(cell.method.learner), problem)
+        write_episodes(folder / "episodes.csv", watcher.evaluations[-1].played)
     write_counts(folder / "counts.json", counts, problem.graph)
     write_folder(folder / "policy", policy.save)
     return counts.env_steps

@@ -16,9 +16,10 @@ from pydantic import StringConstraints
 
 from causalbench import formats
 from causalbench.core.discovery.graph import CausalGraph
-from causalbench.core.learners.records import Evaluation
+from causalbench.core.learners.records import Episode, Evaluation
 from causalbench.errors import DamagedFileError
 from causalbench.names import PATTERN
+from causalbench.store.episodes import read_episodes
 from causalbench.store.files import check_digests, digests, is_folder, read_json, validated
 from causalbench.store.records import Counts, read_counts, read_effects, read_progress
 from causalbench.suite.cells import cell_id
@@ -36,7 +37,7 @@ KINDS = {"learner": "cells", "discovery": "discovery"}
 NO_RESULTS = frozenset({CELL, STATUS, LOG, CHECKPOINT, DATA, "figures", "tensorboard"})
 """What may lie in a cell's folder without being a result; samples have digests of their own."""
 RESULTS = {
-    "learner": frozenset({"progress.csv", "counts.json"}),
+    "learner": frozenset({"progress.csv", "episodes.csv", "counts.json"}),
     "discovery": frozenset({"graph.json", "manual.json", "evidence.csv"}),
 }
 """Kind of a cell -> the files that every finished one has."""
@@ -152,6 +153,10 @@ class StoredCell:
     def evaluations(self) -> list[Evaluation]:
         """What a finished learner was examined for, in order of its training."""
         return read_progress(self.file("progress.csv"))
+
+    def episodes(self) -> list[Episode]:
+        """The episodes of a finished learner's last evaluation; empty where the learner keeps none."""
+        return read_episodes(self.file("episodes.csv"))
 
     def counts(self) -> Counts:
         """What the training of a finished learner added up to."""

@@ -39,9 +39,9 @@ class Counts:
 
 
 def write_progress(path: Path, evaluations: Sequence[Evaluation]) -> None:
-    """Replace `progress.csv` by the evaluations so far, one a row."""
+    """Replace `progress.csv` by the evaluations so far, one a row; `episodes.csv` has what was played."""
     rows = [
-        {key: value for key, value in vars(evaluation).items() if key != "term_returns"}
+        {key: value for key, value in vars(evaluation).items() if key not in ("term_returns", "played")}
         | {RETURN + term: value for term, value in evaluation.term_returns.items()}
         for evaluation in evaluations
     ]
@@ -53,8 +53,8 @@ def read_progress(path: Path) -> list[Evaluation]:
 
     Raises `DamagedFileError` for anything else, as all that reads here.
     """
-    with _reading(path):
-        return [_evaluation(row) for row in _rows(path)]
+    with reading(path):
+        return [_evaluation(row) for row in table_rows(path)]
 
 
 def _evaluation(row: dict[str, str]) -> Evaluation:
@@ -69,10 +69,10 @@ def read_effects(path: Path) -> dict[tuple[int, str, str], dict[str, str]]:
 
     Its columns are `ORACLE`, each with the prefix "oracle_".
     """
-    with _reading(path):
+    with reading(path):
         return {
             (int(row["stage"]), row["term"], row["action"]): {f"oracle_{name}": row[name] for name in ORACLE}
-            for row in _rows(path)
+            for row in table_rows(path)
         }
 
 
@@ -100,19 +100,26 @@ def read_counts(path: Path) -> Counts:
 
 
 @contextmanager
-def _reading(path: Path) -> Iterator[None]:
+def reading(path: Path) -> Iterator[None]:
+    """Whatever goes wrong in the block is a `DamagedFileError` that names `path`."""
     try:
         yield
     except (OSError, ValueError, KeyError, TypeError, csv.Error) as error:
         raise DamagedFileError(f"{path}: not the table that was written ({error!r})") from error
 
 
-def _rows(path: Path) -> list[dict[str, str]]:
-    """The rows of a table that has some."""
+def table_rows(path: Path, columns: Sequence[str] = ()) -> list[dict[str, str]]:
+    """The rows of a CSV file as texts.
+
+    Raises `ValueError` unless the table has rows or, at least, begins with all of `columns`.
+    """
     with path.open(encoding="utf-8", newline="") as file:
-        if rows := list(csv.DictReader(file)):
-            return rows
-    raise ValueError("no rows")
+        reader = csv.DictReader(file, strict=True)
+        rows = list(reader)
+        found = tuple(reader.fieldnames or ())
+    if not rows and (not columns or found[: len(columns)] != tuple(columns)):
+        raise ValueError("no rows")
+    return rows
 
 
 def write_rows(path: Path, columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> None:

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 from runs import results
 
+from causalbench import formats
 from causalbench.cli.app import app
 from causalbench.errors import UserError
 from causalbench.plugins.manager import installed
@@ -68,7 +69,7 @@ def without_last_line(path: Path) -> None:
         ("cells/*-cmSAC-*/cell.json", emptied),
         ("cells/*-cmSAC-*/cell.json", cut),
         ("cells/*-cmSAC-*/status.json", emptied),
-        ("cells/*-cmSAC-*/status.json", lambda path: path.write_text('{"schema": 2, "state": "done"}')),
+        ("cells/*-cmSAC-*/status.json", lambda path: path.write_text(f'{{"schema": {formats.CELL}, "state": "done"}}')),
         ("cells/*-cmSAC-*/progress.csv", Path.unlink),
         ("cells/*-cmSAC-*/counts.json", emptied),
         ("cells/*-cmSAC-*/policy/policy.safetensors", cut),

@@ -20,6 +20,7 @@ from typing import Any
 import pytest
 from runs import RESULT_FILES, results
 
+from causalbench import formats
 from causalbench.plugins.manager import installed
 from causalbench.run.cell import Keeping, run_cell
 from causalbench.store.run_folder import RunFolder
@@ -44,7 +45,7 @@ def arguments(suite: Path, out: Path) -> list[str]:
 def test_a_finished_run_has_every_file_of_the_layout(finished_run: Path) -> None:
     top = {path.name for path in finished_run.iterdir() if not path.name.startswith(".")}
     assert top == {*RESULT_FILES, "timing.csv", "environment.json", "run.json", "suite.yaml", "cells", "discovery"}
-    learner = {"cell.json", "status.json", "progress.csv", "counts.json", "log.txt", "policy"}
+    learner = {"cell.json", "status.json", "progress.csv", "episodes.csv", "counts.json", "log.txt", "policy"}
     assert [{p.name for p in cell.iterdir()} for cell in (finished_run / "cells").iterdir()] == [learner] * 2
     discovery = {"cell.json", "status.json", "graph.json", "manual.json", "evidence.csv", "log.txt", "figures", "data"}
     discovery |= {"oracle.csv", "score.csv"}
@@ -150,7 +151,7 @@ def test_a_second_command_runs_only_what_is_missing_or_failed(
     run = tmp_path / "run"
     shutil.copytree(finished_run, run)
     kept, again = sorted((run / "cells").iterdir())
-    (again / "status.json").write_text(json.dumps({"schema": 2, "state": "failed", "reason": "x"}))
+    (again / "status.json").write_text(json.dumps({"schema": formats.CELL, "state": "failed", "reason": "x"}))
     before = (kept / "status.json").stat().st_mtime_ns
     done = subprocess.run([*command, *arguments(tiny_suite, run)[:-1]], check=True, capture_output=True, text=True)
     assert "1 of 3 cells to run" in done.stderr

@@ -35,7 +35,7 @@ def test_a_cell_goes_from_pending_to_running_to_done(run: RunFolder) -> None:
     assert (stored.id, stored.identity) == (cell.id, LEARNER)
     assert (stored.kind, stored.task, stored.backend, stored.method, stored.seed) == ("learner", "t", "b", "m", 0)
     assert (stored.status.state, stored.status.seconds, stored.status.env_steps) == ("done", 1.5, 100)
-    assert sorted(stored.status.files) == ["counts.json", "policy/policy.json", "progress.csv"]
+    assert sorted(stored.status.files) == ["counts.json", "episodes.csv", "policy/policy.json", "progress.csv"]
     assert stored.evaluations()[-1].success_deterministic == 0.5
     assert stored.counts().env_steps == 100
     assert run.problems() == []
@@ -65,7 +65,7 @@ DAMAGES: dict[str, Callable[[Path], object]] = {
     "a link": lambda path: (path.rename(path.with_name("other")), path.symlink_to(path.with_name("other"))),
     "a pipe": lambda path: (path.unlink(), os.mkfifo(path)),
 }
-FILES = ("cell.json", "status.json", "progress.csv", "counts.json", "policy/policy.json")
+FILES = ("cell.json", "status.json", "progress.csv", "episodes.csv", "counts.json", "policy/policy.json")
 
 
 @pytest.mark.parametrize("file", FILES)

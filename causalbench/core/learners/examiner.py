@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 from causalbench.core.learners.evaluation import evaluate
 from causalbench.core.learners.records import Evaluation, TrainingCounts
 from causalbench.core.learners.registry import Policy, TrainingProblem
@@ -36,6 +38,8 @@ class Examiner:
         if not last and self._without_failure(found):
             self.settled = True
             found = self._evaluate(policy, counts.env_steps, True)
+        if not last and not self.settled:
+            found = dataclasses.replace(found, played=())
         self.evaluations.append(found)
         self.problem.on_evaluation(found, counts)
         return found

@@ -4,9 +4,39 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Episode:
+    """One episode of an evaluation, from stage 1. `episode` counts from 0 in each mode; the start is the same in both.
+
+    `stages` has U(s) before each step, from 1, and `final_stage` that after the last one, n_stages + 1 on success.
+    `held` says whether a success stood what the task puts it to; None without success or test. `returns` has the
+    undiscounted return of each reward term.
+    """
+
+    episode: int
+    deterministic: bool
+    success: bool
+    held: bool | None
+    n_stages: int
+    stages: tuple[int, ...]
+    final_stage: int
+    returns: Mapping[str, float]
+
+    @property
+    def length(self) -> int:
+        """Steps."""
+        return len(self.stages)
+
+    @property
+    def reversals(self) -> int:
+        """Steps that led to an earlier stage."""
+        return sum(after < before for before, after in pairwise((*self.stages, self.final_stage)))
 
 
 @dataclass(frozen=True)
@@ -16,7 +46,8 @@ class Evaluation:
     Success is a share in [0, 1]; `reversals_per_episode`, `mean_final_stage` (success counts as n_stages + 1) and
     `term_returns` (mean undiscounted return of each reward term per episode) are of the deterministic episodes.
     `held_rate` is the share of all successes, deterministic and sampled, that stood what the task puts a success to
-    (`Task.after_success`: pure manipulation lifts the box and holds it for 2 s); None if there were none.
+    (`Task.after_success`: pure manipulation lifts the box and holds it for 2 s); None if there were none. `played`
+    are the episodes themselves; those of the last evaluation of a training run are kept, all others are forgotten.
     """
 
     env_steps: int
@@ -28,6 +59,7 @@ class Evaluation:
     mean_final_stage: float
     mean_length: float
     term_returns: Mapping[str, float]
+    played: tuple[Episode, ...] = ()
 
 
 @dataclass
