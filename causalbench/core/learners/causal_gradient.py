@@ -8,6 +8,7 @@ networks ("rows"). One critic per term ("terms") is the literal form and stays a
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,7 @@ from causalbench.core.discovery.graph import CausalGraph
 from causalbench.core.learners.methods import Method
 from causalbench.core.learners.settings import CriticLayout
 from causalbench.core.tasks.stage_task import StageTask
+from causalbench.errors import UserError
 
 
 @dataclass(frozen=True)
@@ -52,11 +54,17 @@ def stage_plan(
     graph: CausalGraph | None,
     stage: int,
     critics: CriticLayout = "rows",
+    full_stages: Collection[int] = (),
 ) -> StagePlan:
-    """The plan of `method` for one stage (1-based); `graph` may be None for methods without a matrix."""
+    """The plan of `method` for one stage (1-based); `graph` may be None for methods without a matrix.
+
+    In `full_stages` a method with a matrix acts and learns as one without: all actions, scalar gradient. Raises
+    `UserError` for such stages of a method that has no matrix, and for stages that the task does not have.
+    """
+    _check_full_stages(task, method, graph, full_stages)
     n_actions = len(task.actions)
     active = np.array([stage in term.stages for term in task.terms])
-    if graph is None:
+    if graph is None or stage in full_stages:
         one_for_all = np.ones((n_actions, 1), dtype=bool)
         return StagePlan(np.arange(n_actions), active[None], one_for_all, np.array([True]), joint_twin=False)
     matrix = training_matrix(task, graph, stage)
@@ -75,3 +83,12 @@ def stage_plan(
     bonus = np.zeros(len(groups), dtype=bool)
     bonus[-1] = True  # the stage bonus is every action's: the entropy of all goes there, once
     return StagePlan(actions, groups, matrix[:, active], bonus, joint_twin=True)
+
+
+def _check_full_stages(
+    task: StageTask, method: Method, graph: CausalGraph | None, full_stages: Collection[int]
+) -> None:
+    if unknown := sorted({*full_stages} - {*range(1, task.n_stages + 1)}):
+        raise UserError(f"setting `full_stages`: {unknown} are none of the {task.n_stages} stages of {task.name!r}")
+    if full_stages and graph is None:
+        raise UserError(f"setting `full_stages`: method {method.name!r} has all actions in every stage; leave it out")

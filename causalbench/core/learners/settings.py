@@ -24,6 +24,8 @@ class StagedSettings:
     # "sectors": how near something is in each sector of the LiDAR, too; "paper": image or LiDAR through convolutions.
     observation: Literal["state", "sectors", "paper"] = "state"
     features: bool = True  # ours; what the task computes from the state, `StageTask.features`
+    bonus: Literal["every_entry", "first_entry"] = "every_entry"  # what a step into a later stage pays it for
+    full_stages: tuple[Annotated[int, Gt(0)], ...] = ()  # where a method with a graph acts and learns without it
 
 
 OBSERVED: Mapping[str, Any] = {"observe_gripper": True, "observation": "state", "features": True}

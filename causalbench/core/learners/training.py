@@ -21,6 +21,7 @@ from causalbench.core.learners.methods import Method
 from causalbench.core.learners.policy import ObservationScale
 from causalbench.core.learners.records import Evaluation
 from causalbench.core.learners.registry import Trained, TrainingProblem
+from causalbench.core.learners.scalars import FirstEntry
 from causalbench.core.networks.state import State, below, prefixed
 from causalbench.core.staged.vector_env import StageTaskVectorEnv
 from causalbench.core.tasks.stage_task import StageTask
@@ -67,6 +68,7 @@ class _StagedLoop:
         scale = ObservationScale.of(env.single_observation_space, task, settings.observation)
         self.learner = make_learner(task, problem.method, problem.graph, scale, settings, problem.seed)
         self.counter = Counter(task.n_stages, env.num_envs)
+        self.first_entry = FirstEntry(task, env.num_envs) if settings.bonus == "first_entry" else None
         self.obs, _ = env.reset(seed=problem.seed)
         self.checkpoints = _usable(problem.checkpoints, env)
         self.saved = 0  # env steps of the last checkpoint
@@ -87,7 +89,8 @@ class _StagedLoop:
         actions = self.learner.act(obs)
         self.obs, _, terminated, truncated, infos = self.env.step(actions.clip(-1.0, 1.0))
         over = terminated | truncated
-        self.learner.remember(obs, actions, infos, over)
+        paid = {"vector_reward": self.first_entry(infos, over)} if self.first_entry else {}
+        self.learner.remember(obs, actions, infos | paid, over)
         self.counter.add(infos, over)
         self._train()
         if self.examiner.is_due(before, self.taken, f"stage {int(self.obs['stage'].max()) + 1}"):
@@ -121,6 +124,8 @@ class _StagedLoop:
         self.obs = self.env.load_state(below("env", state))
         self.learner.load_state(below("learner", state))
         self.counter.load_state(below("counter", state))
+        if self.first_entry:
+            self.first_entry.reached = np.asarray(state["reached"])
         self.saved = self.taken
         LOG.info("continued from the checkpoint at step %d", self.taken)
         for record in state["evaluations"]:
@@ -130,6 +135,8 @@ class _StagedLoop:
     def _save(self, checkpoints: Checkpoints) -> None:
         state: State = prefixed("env", self.env.state()) | prefixed("learner", self.learner.state())
         state |= prefixed("counter", self.counter.state())
+        if self.first_entry:
+            state["reached"] = self.first_entry.reached
         state["evaluations"] = [dataclasses.asdict(record) for record in self.examiner.evaluations]
         save_checkpoint(checkpoints.path, state, self._identity())
         self.saved = self.taken

@@ -27,7 +27,7 @@ from causalbench.core.learners.settings import EvaluationSettings
 from causalbench.core.staged.env import StageTaskEnv
 from causalbench.core.staged.scene_worlds import SceneWorlds
 from causalbench.core.staged.vector_env import StageTaskVectorEnv
-from causalbench.core.tasks.pure_manipulation import TASK
+from causalbench.core.tasks.pure_manipulation import TASK, C
 from causalbench.core.world.batch import make_batch
 from causalbench.errors import DivergedError, InvalidGraphError, UserError
 
@@ -304,6 +304,71 @@ def test_policy_round_trip_and_sb3s_own_evaluation(name, tmp_path):
 def test_a_folder_without_a_policy_is_named(tmp_path):
     with pytest.raises(UserError, match="no trained policy here"):
         load_policy(tmp_path)
+
+
+@pytest.mark.parametrize("learner", ["SAC", "PPO"])
+def test_full_stages_make_a_method_with_a_graph_one_without(learner):
+    """All stages: the same weights as the method without; none: as the method with; one: its actors differ there."""
+    tiny = {"SAC": TINY, "PPO": TINY_PPO}[learner]
+
+    def actors(name, full_stages):
+        policy, _, _ = _train(name, settings=dataclasses.replace(tiny, full_stages=full_stages))
+        return policy
+
+    every, plain = actors(f"cmm{learner}", (1, 2, 3, 4)), actors(f"m{learner}", ())
+    for ours, theirs in zip(every.actors, plain.actors, strict=True):
+        for one, other in zip(ours, theirs, strict=True):
+            assert torch.equal(one, other)
+    names = [[TASK.actions[k] for k in own] for own in actors(f"cmm{learner}", (1, 2, 3)).actions]
+    assert names == [[*TASK.actions]] * 3 + [["grip"]]
+
+
+@pytest.mark.parametrize(
+    ("name", "full_stages", "message"),
+    [
+        ("mSAC", (1,), "`full_stages`: method 'mSAC' has all actions in every stage"),
+        ("cmmPPO", (5,), r"`full_stages`: \[5\] are none of the 4 stages of 'pure_manipulation'"),
+    ],
+)
+def test_full_stages_that_mean_nothing_are_refused(name, full_stages, message):
+    tiny = TINY if name == "mSAC" else TINY_PPO
+    with pytest.raises(UserError, match=message):
+        _train(name, settings=dataclasses.replace(tiny, full_stages=full_stages))
+
+
+def test_a_staged_learner_may_get_each_bonus_once_an_episode(monkeypatch):
+    """What an agent remembers: no bonus for a stage that the episode has been in, wherever there is one without."""
+
+    def back_and_forth(self, obs):
+        actions = np.zeros((len(obs["stage"]), 7))
+        actions[:, :3] = 10 * (obs["state"][:, :3] + [0.0, 0.0, C.hover] - obs["state"][:, 3:6])
+        actions[obs["stage"] > 0, :2] = 1.0
+        return actions.clip(-1.0, 1.0)
+
+    monkeypatch.setattr(StagedPPO, "act", back_and_forth)
+    kept = {}
+    for bonus in ("every_entry", "first_entry"):
+        rewards = kept[bonus] = []
+        remember = StagedPPO.remember
+
+        def watched(self, obs, actions, infos, over, rewards=rewards, remember=remember):
+            rewards.append((infos["stage"], infos["next_stage"], infos["vector_reward"], over))
+            remember(self, obs, actions, infos, over)
+
+        monkeypatch.setattr(StagedPPO, "remember", watched)
+        _train("mPPO", settings=dataclasses.replace(TINY_PPO, bonus=bonus, n_steps=10_000), env_steps=400)
+        monkeypatch.setattr(StagedPPO, "remember", remember)
+    column, again = TASK.term_names.index("r_success"), 0
+    reached = np.zeros(4, dtype=int)
+    for (stage, next_stage, every, over), (*_, first, _) in zip(*kept.values(), strict=True):
+        reached = np.maximum(reached, stage)
+        repeated = (next_stage > stage) & (next_stage <= reached)
+        expected = every.copy()
+        expected[repeated, column] = 0.0
+        np.testing.assert_array_equal(first, expected)
+        again += repeated.sum()
+        reached = np.where(over, 0, np.maximum(reached, next_stage))
+    assert again > 20
 
 
 @pytest.mark.long

@@ -35,7 +35,10 @@ class StagedPPO:
         seed: int,
     ) -> None:
         self.task, self.scale = task, scale
-        self.plans = [stage_plan(task, method, graph, i, settings.critics) for i in range(1, task.n_stages + 1)]
+        self.plans = [
+            stage_plan(task, method, graph, i, settings.critics, settings.full_stages)
+            for i in range(1, task.n_stages + 1)
+        ]
         seeds = np.random.SeedSequence(seed).generate_state(task.n_stages + 1)
         n_obs, n_actions = scale.n_inputs, len(task.actions)
         self.agents = [

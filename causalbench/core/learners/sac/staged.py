@@ -35,7 +35,10 @@ class StagedSAC:
         seed: int,
     ) -> None:
         self.task, self.method, self.scale, self.settings = task, method, scale, settings
-        self.plans = [stage_plan(task, method, graph, i, settings.critics) for i in range(1, task.n_stages + 1)]
+        self.plans = [
+            stage_plan(task, method, graph, i, settings.critics, settings.full_stages)
+            for i in range(1, task.n_stages + 1)
+        ]
         seeds = np.random.SeedSequence(seed).generate_state(task.n_stages + 2)
         self.agents = [
             SACAgent(plan, scale.n_inputs, settings, int(s), scale.sensor)
