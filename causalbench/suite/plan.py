@@ -21,7 +21,7 @@ from causalbench.plugins.venues import venue_of
 from causalbench.suite.cells import BackendIdentity, Cell, DiscoveryCell, LearnerCell, TaskIdentity
 from causalbench.suite.grid import Combination, combinations, layer_of
 from causalbench.suite.positions import Location
-from causalbench.suite.schema import DiscoveryLayer, PerBackend, PerMethod, SuiteFile
+from causalbench.suite.schema import DiscoveryLayer, PerBackend, PerMethod, SuiteFile, TierBackend
 from causalbench.suite.sections import Patch
 from causalbench.suite.selection import Selection, choose
 from causalbench.suite.task_identity import task_identity
@@ -54,7 +54,7 @@ def make_plan(
     planner = _Planner(file, tier_name, plugins)
     first = suite.first_seed
     chosen_seeds = choose("seed", range(first, first + (seeds or planner.tier.seeds)), selection.seed)
-    backends = choose("backend", suite.backends, selection.backend)
+    backends = choose("backend", suite.backends_in(planner.tier), selection.backend)
     methods = [planner.method(name) for name in choose("method", suite.methods, selection.method)]
     planner.check_number(len(backends) * max(1, len(methods)) * len(chosen_seeds))
     cells: dict[str, Cell] = {}
@@ -94,7 +94,9 @@ class _Planner:
 
     def backend(self, name: str) -> tuple[BackendIdentity, str]:
         """The backend `name` as it enters a cell, and why it cannot run the task, "" if it can."""
-        location = ("backends", self.suite.backends.index(name))
+        location: Location = ("tiers", self.tier_name, "backends", name)
+        if not self.tier.backends:
+            location = ("backends", self.suite.backends.index(name))
         found: Backend = self._named(location, partial(self.plugins.backend, name))
         options = self.suite.per_backend.get(name, PerBackend()).options
         version = self.plugins.owners[name].version
@@ -126,7 +128,7 @@ class _Planner:
     def _discovery(self, backend: BackendIdentity, seed: int, combination: Combination) -> DiscoveryCell:
         """The discovery whose graph `seed` uses."""
         section, of_backend = self.file.sections.discovery, self._of_backend(backend.name)
-        layers: list[DiscoveryLayer] = [self.suite, of_backend, self.tier]
+        layers: list[DiscoveryLayer] = [self.suite, of_backend, self.tier, self._in_tier(backend.name)]
         patches = [*(layer.discovery for layer in layers), layer_of(combination)["discovery"]]
         location = self._discoverer_location(backend.name, combination)
         settings = self._named(location, partial(section.resolve, patches))
@@ -152,7 +154,7 @@ class _Planner:
             backend=backend,
             method=method,
             seed=seed,
-            env_steps=self.tier.env_steps or 0,
+            env_steps=self._in_tier(backend.name).env_steps or self.tier.env_steps or 0,
             learner=self._named(("learner",), partial(sections.learner.resolve, method.learner, patches["learner"])),
             evaluation=sections.evaluation.resolve(patches["evaluation"]),
             discovery=discovery,
@@ -162,18 +164,23 @@ class _Planner:
 
     def _learner_patches(self, backend: str, method: str, combination: Combination) -> dict[str, list[Patch]]:
         """Section -> its patches, the last one winning."""
-        layers = [self.suite, self._of_backend(backend), self.suite.per_method.get(method, PerMethod()), self.tier]
+        of_method, in_tier = self.suite.per_method.get(method, PerMethod()), self._in_tier(backend)
+        layers = [self.suite, self._of_backend(backend), of_method, self.tier, in_tier]
         last = layer_of(combination)
         return {name: [*(getattr(layer, name) for layer in layers), last[name]] for name in ("learner", "evaluation")}
 
     def _of_backend(self, name: str) -> PerBackend:
         return self.suite.per_backend.get(name, PerBackend())
 
+    def _in_tier(self, name: str) -> TierBackend:
+        return (self.tier.backends or {}).get(name, TierBackend())
+
     def _discoverer_location(self, backend: str, combination: Combination) -> Location:
         """Where the discoverer of a backend is named."""
         if "discovery.discoverer" in combination:
             return ("grid", "discovery.discoverer")
         layers: list[tuple[Location, DiscoveryLayer]] = [
+            (("tiers", self.tier_name, "backends", backend), self._in_tier(backend)),
             (("tiers", self.tier_name), self.tier),
             (("per_backend", backend), self._of_backend(backend)),
             ((), self.suite),

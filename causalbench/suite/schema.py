@@ -51,9 +51,19 @@ class PerBackend(DiscoveryLayer):
     options: dict[str, str | int | float | bool] = {}
 
 
-class Tier(DiscoveryLayer):
-    """How much to run: how many `seeds`, `env_steps` of training each; `grid` replaces the suite's."""
+class TierBackend(DiscoveryLayer):
+    """What differs for one backend in one tier."""
 
+    env_steps: int | None = Field(default=None, gt=0, le=MAX_STEPS)
+
+
+class Tier(DiscoveryLayer):
+    """How much to run: how many `seeds`, `env_steps` of training each.
+
+    `grid` replaces the suite's, and so does `backends`, which says of each backend what differs there.
+    """
+
+    backends: dict[str, TierBackend] | None = Field(default=None, min_length=1)
     seeds: int = Field(gt=0, le=MAX_SEEDS)
     env_steps: int | None = Field(default=None, gt=0, le=MAX_STEPS)
     graphs: Graphs | None = None
@@ -61,7 +71,7 @@ class Tier(DiscoveryLayer):
 
 
 class Suite(DiscoveryLayer):
-    """A suite file. Later wins: preset, suite, `per_backend`, `per_method`, tier, `grid`.
+    """A suite file. Later wins: preset, suite, `per_backend`, `per_method`, tier, backend in the tier, `grid`.
 
     `first_seed` is the first of the seeds that a tier runs, the others follow. `graphs` says whether they share one
     causal graph, the first seed's, or each discovers its own, which keeps seeds independent. A suite without methods
@@ -83,6 +93,10 @@ class Suite(DiscoveryLayer):
     def graphs_in(self, tier: Tier) -> Graphs:
         """Whether seeds share a graph in `tier`."""
         return tier.graphs or self.graphs or ("shared" if self.methods else "per_seed")
+
+    def backends_in(self, tier: Tier) -> tuple[str, ...]:
+        """The backends that `tier` runs."""
+        return self.backends if tier.backends is None else tuple(tier.backends)
 
     def grid_in(self, tier: Tier) -> Grid:
         """The grid of `tier`, empty if there is none."""
@@ -124,17 +138,18 @@ def check_suite(source: Source, plugins: Plugins) -> SuiteFile:
 
 
 def _check_names(suite: Suite, source: Source) -> None:
-    for key, names, overrides in (
-        ("backends", suite.backends, suite.per_backend),
-        ("methods", suite.methods, suite.per_method),
+    backends = dict.fromkeys(suite.backends + sum((suite.backends_in(tier) for tier in suite.tiers.values()), ()))
+    for key, listed, names, overrides in (
+        ("backends", suite.backends, tuple(backends), suite.per_backend),
+        ("methods", suite.methods, suite.methods, suite.per_method),
     ):
-        for index, name in enumerate(names):
-            if name in names[:index]:
+        for index, name in enumerate(listed):
+            if name in listed[:index]:
                 raise source.mistake((key, index), f"{name!r} is listed twice")
         for name in overrides:
             if name not in names:
-                listed = f"not one of this suite's: {', '.join(names)}.{guess(name, names)}"
-                raise source.mistake((f"per_{key[:-1]}", name), listed)
+                unknown = f"not one of this suite's: {', '.join(names)}.{guess(name, names)}"
+                raise source.mistake((f"per_{key[:-1]}", name), unknown)
 
 
 def _learners(suite: Suite, source: Source, plugins: Plugins) -> dict[str, str]:
@@ -167,6 +182,8 @@ def _layers(suite: Suite) -> Iterator[tuple[Location, Layer, Sequence[str]]]:
     yield (), suite, suite.methods
     for tier_name, tier in suite.tiers.items():
         yield ("tiers", tier_name), tier, suite.methods
+        for backend, in_tier in (tier.backends or {}).items():
+            yield ("tiers", tier_name, "backends", backend), in_tier, suite.methods
     for backend, of_backend in suite.per_backend.items():
         yield ("per_backend", backend), of_backend, suite.methods
     for method, of_method in suite.per_method.items():
@@ -207,4 +224,6 @@ def _known_keys(parent: Location) -> list[str]:
     """The keys that may stand below `parent`."""
     below: dict[str, type[_Model]] = {"tiers": Tier, "per_method": PerMethod, "per_backend": PerBackend}
     model = below.get(str(parent[0]), Suite) if parent else Suite
+    if parent[2:3] == ("backends",):
+        model = TierBackend
     return [field.alias or name for name, field in model.model_fields.items()]

@@ -66,6 +66,27 @@ def test_seeds_begin_with_the_suites_first_one(tmp_path: Path, plugins: Plugins)
         plan(tmp_path, plugins, later, only=["seed=0"])
 
 
+def test_a_tier_may_have_backends_of_its_own_and_say_what_differs_there(tmp_path: Path, plugins: Plugins) -> None:
+    tiers = (
+        "  look: {seeds: 1, env_steps: 100, backends: {kinematic: {env_steps: 900, learner: {gamma: 0.5}}, gymrob: {}}}"
+    )
+    text = SUITE.replace("tiers:", f"tiers:\n{tiers}\n").replace("kinematic]", "pybullet]")
+    found = [cell for cell in plan(tmp_path, plugins, text, "look").cells if isinstance(cell, LearnerCell)]
+    assert {(c.backend.name, c.env_steps, c.learner.gamma) for c in found} == {
+        ("kinematic", 900, 0.5),
+        ("gymrob", 100, 0.9),
+    }
+    assert {cell.backend.name for cell in plan(tmp_path, plugins, text).cells} == {"pybullet"}
+    for wrong, message in (
+        ("gymrob: {envsteps: 5}", "tiers.look.backends.gymrob.envsteps: unknown key. Did you mean 'env_steps'?"),
+        ("gymrob: {learner: {gama: 1}}", "tiers.look.backends.gymrob.learner.gama: unknown key"),
+        ("gymrub: {}", "tiers.look.backends.gymrub: unknown backend 'gymrub'"),
+    ):
+        with pytest.raises(SuiteError) as caught:
+            plan(tmp_path, plugins, text.replace("gymrob: {}", wrong), "look")
+        assert message in str(caught.value)
+
+
 def test_an_id_is_a_slug_and_a_hash_of_what_cell_json_holds(tmp_path: Path, plugins: Plugins) -> None:
     for cell in plan(tmp_path, plugins).cells:
         reread = json.loads(json.dumps(cell.identity))

@@ -9,13 +9,21 @@ import json
 
 import pytest
 
-from causalbench.core.tasks import lift_and_hold, mobile_manipulation, pure_manipulation, reward_scales, rooms
+from causalbench.core.tasks import (
+    lift_and_hold,
+    mobile_manipulation,
+    pure_manipulation,
+    pure_manipulation_dense,
+    reward_scales,
+    rooms,
+)
 from causalbench.core.tasks.stage_task import Term
 from causalbench.errors import UserError
 from causalbench.plugins.builtins import TASKS
 
 MODULES = {
     "pure_manipulation": (pure_manipulation, lift_and_hold, reward_scales),
+    "pure_manipulation_dense": (pure_manipulation_dense, pure_manipulation, lift_and_hold, reward_scales),
     "mobile_manipulation": (mobile_manipulation, rooms, reward_scales),
 }
 PLAIN = {0.0, 1.0, 2.0, 1e-9}
