@@ -54,7 +54,7 @@ class Entry:
 
 
 def leaderboard(results: Sequence[Row], cells: Iterable[StoredCell]) -> list[Row]:
-    """Rows of `leaderboard.csv`: a board for each backend and, if there are several, one named `all`.
+    """Rows of `leaderboard.csv`: a board for each backend and, if there are several of one budget, one named `all`.
 
     `results` are rows of `results.csv`; `cells` tell which methods there are and what failed. `steps_to_90` is a median
     over cells, None where fewer than half got there within `budget`; `reached_90` and `stopped_cells` count cells.
@@ -64,7 +64,7 @@ def leaderboard(results: Sequence[Row], cells: Iterable[StoredCell]) -> list[Row
     learners = [cell for cell in cells if cell.kind == "learner"]
     backends = sorted({cell.backend for cell in learners})
     boards = [(backend, [backend]) for backend in backends]
-    if len(backends) > 1:
+    if len(backends) > 1 and len({row["budget"] for row in results}) <= 1:
         boards.insert(0, ("all", backends))
     return [row for name, members in boards for row in _board(name, members, results, learners)]
 

@@ -46,6 +46,13 @@ def test_a_board_says_how_many_versions_of_the_code_made_it() -> None:
     assert sources(of_each[0], ("A", "y", "causalbench=b y=2")) == {"all": 2, "x": 1, "y": 1}
 
 
+def test_backends_of_different_budgets_have_no_board_together() -> None:
+    cells = [cell("A", 0, "x"), cell("A", 0, "y")]
+    for budget, boards in ((5000, ["all", "x", "y"]), (600, ["x", "y"])):
+        results = [result("A", 0, 0.5, "x"), result("A", 0, 0.5, "y", budget=budget)]
+        assert [row["backend"] for row in leaderboard(results, cells)] == boards
+
+
 def test_one_seed_gives_an_order_and_no_verdict() -> None:
     rows = board({"A": [0.2], "B": [0.7]})
     assert [(r["rank"], r["method"], r["verdict"]) for r in rows] == [
