@@ -1,8 +1,8 @@
 """One table of what each part is worth: `python studies/decomposition/analysis.py runs/decomposition*`.
 
 A row per task, backend, method and grid point: seeds, the area under the success curve at 20,000 steps and at the
-budget, the median of the steps to 90% (`inf`: fewer than half got there), reversals, and the mean return of the final episodes
-beside that of the scripted expert on the same starts of the kinematic backend.
+budget, the median of the steps to 90% (`inf`: fewer than half got there), reversals, and the mean return of the final
+episodes beside that of the scripted expert on the same starts of the kinematic backend.
 """
 
 import statistics
