@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -22,8 +23,10 @@ Array = NDArray[np.float64]
 
 def make_gym_worlds(task: GymTask, backend: str, options: Mapping[str, Any], n: int | None = None) -> GymWorlds:
     """New worlds of `task`, one or `n` that step together: with three arguments bound, a `MakeWorlds`."""
-    worlds = [GymWorld(task, task.environments[backend](**options)) for _ in range(n or 1)]
-    return GymWorlds(task, worlds, backend, options, () if n is None else (n,))
+    each = [GymWorld(task, task.environments[backend](**options)) for _ in range(n or 1)]
+    worlds = GymWorlds(task, each, backend, options, () if n is None else (n,))
+    worlds.recipe = functools.partial(make_gym_worlds, task, backend, options, n)
+    return worlds
 
 
 class GymWorlds(Worlds):
@@ -95,6 +98,7 @@ class GymWorlds(Worlds):
         if observe == "sectors":
             raise no_sectors(self.task)
         self._features = features and bool(self.task.feature_names)
+        self.observed = gripper, observe, features
         self._low, self._high = (np.asarray(bound, dtype=np.float32) for bound in self.task.state_bounds)
         state, stage = gym.spaces.Box(self._low, self._high, dtype=np.float32), gym.spaces.Discrete(self.task.n_stages)
         seen = {"features": features_space(self.task)} if self._features else {}

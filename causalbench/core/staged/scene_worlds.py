@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -25,7 +26,9 @@ Array = NDArray[np.float64]
 
 def make_scene_worlds(task: Task, make_scene: Callable[[], Scene], n: int | None = None) -> SceneWorlds:
     """New worlds of `task` in one scene, or in `n` that step together: with two arguments bound, a `MakeWorlds`."""
-    return SceneWorlds(task, make_scene() if n is None else make_batch(make_scene, n))
+    worlds = SceneWorlds(task, make_scene() if n is None else make_batch(make_scene, n))
+    worlds.recipe = functools.partial(make_scene_worlds, task, make_scene, n)
+    return worlds
 
 
 class Snapshot(bytes):
@@ -94,6 +97,7 @@ class SceneWorlds(Worlds):
 
     def choose_observation(self, gripper: bool = True, observe: Observe = "state", features: bool = True) -> None:
         """See `Worlds`."""
+        self.observed = gripper, observe, features
         self._observer = Observer(self.task, self.spec, gripper, observe, features)
         self.observation_space = self._observer.space
 

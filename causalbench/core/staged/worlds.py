@@ -6,8 +6,9 @@ of is up to two classes: `SceneWorlds`, a task over scenes, and `GymWorlds`, one
 
 from __future__ import annotations
 
+import copy
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
@@ -47,12 +48,15 @@ class Origin:
 class Worlds(ABC):
     """Worlds of one staged task that step together, of `shape` () for one or (n,) for several.
 
+    A deep copy or a pickle is made anew by `recipe` and brought to the same state by snapshots, because simulators keep
+    state that Python does not see. Both raise `UserError` where there is no recipe or no capability `RESTORE`.
+
     - `stage`: U(s) of every world, int64 (*shape), from 1;
     - `origin` for people and tables, `identity` as JSON data: all that two runs must share to be comparable;
     - `capabilities`: what the worlds can do, see `Capability`;
     - `env_steps`: control steps taken so far in all worlds together, whoever asked for them;
     - `render_fps`: control steps a second, for films;
-    - `observation_space`: of one world, see `choose_observation`.
+    - `observation_space`: of one world, and `observed`, what was chosen, see `choose_observation`.
     """
 
     task: StageTask
@@ -62,8 +66,12 @@ class Worlds(ABC):
     capabilities: frozenset[Capability]
     render_fps: int
     observation_space: gym.spaces.Dict
+    observed: tuple[bool, Observe, bool]
     stage: NDArray[np.int64]
     env_steps: int = 0
+
+    recipe: Callable[[], Worlds] | None = None
+    """Makes other worlds like these, not reset yet; every `MakeWorlds` sets it."""
 
     @property
     def n(self) -> int:
@@ -150,10 +158,43 @@ class Worlds(ABC):
     def close(self) -> None:
         """Release what the worlds hold; may be called twice."""
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _remade, self._kept()
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Worlds:
+        recipe, kept = self._kept()
+        return _remade(recipe, copy.deepcopy(kept, memo))
+
+    def _kept(self) -> tuple[Callable[[], Worlds], _Kept]:
+        """What `_remade` needs. Raises `UserError` where a copy cannot be made."""
+        if self.recipe is None:
+            raise UserError("these worlds cannot be copied or pickled: nothing says how to make more; use make_env")
+        began = bool(self.stage.all())
+        if began:
+            self.require(Capability.RESTORE, "copying or pickling worlds")
+        snapshots = [self.snapshot(world) for world in range(self.n)] if began else []
+        return self.recipe, _Kept(snapshots, self.observed, self.env_steps)
+
     def require(self, capability: Capability, purpose: str) -> None:
         """Raise a `UserError` that says what for, unless the worlds have `capability`."""
         if capability not in self.capabilities:
             raise UserError(lacking(capability, purpose, self.origin.backend, self.task.name))
+
+
+class _Kept(NamedTuple):
+    snapshots: list[bytes]  # of every world; empty before the first reset
+    observed: tuple[bool, Observe, bool]
+    env_steps: int
+
+
+def _remade(recipe: Callable[[], Worlds], kept: _Kept) -> Worlds:
+    """Worlds of `recipe` in the state that was kept of others."""
+    worlds = recipe()
+    worlds.choose_observation(*kept.observed)
+    if kept.snapshots:
+        worlds.restore(range(worlds.n), kept.snapshots)
+    worlds.env_steps = kept.env_steps
+    return worlds
 
 
 class MakeWorlds(Protocol):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
+from typing import NoReturn, SupportsIndex
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from causalbench.core.world.capabilities import Capability
 from causalbench.core.world.facts import Facts
 from causalbench.core.world.layout import Layout
-from causalbench.core.world.scene import Scene, SceneSpec, lacking
+from causalbench.core.world.scene import Scene, SceneSpec, lacking, not_copied
 from causalbench.errors import CausalbenchError
 
 Array = NDArray[np.float64]
@@ -59,6 +60,9 @@ class BatchScene(ABC):
     @abstractmethod
     def restore(self, index: int, snapshot: bytes) -> None:
         """Return world `index` to a snapshot, as `Scene.restore`."""
+
+    def __reduce_ex__(self, protocol: SupportsIndex) -> NoReturn:
+        raise not_copied(self.spec)
 
     @abstractmethod
     def close(self) -> None:

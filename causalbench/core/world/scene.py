@@ -11,6 +11,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import NoReturn, SupportsIndex
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,6 +80,8 @@ class Scene(ABC):
 
     `layout` is the start of the world as it is now, which `reset` was given or a restored snapshot came from, and None
     before: the map that an expert may plan on, and the named numbers that go into its facts.
+
+    Copying and pickling raise `CausalbenchError`: a simulator keeps state that Python does not see.
     """
 
     spec: SceneSpec
@@ -135,8 +138,19 @@ class Scene(ABC):
         """
         raise lacking(self.spec, Capability.LIDAR)
 
+    def __reduce_ex__(self, protocol: SupportsIndex) -> NoReturn:
+        raise not_copied(self.spec)
+
     def close(self) -> None:  # noqa: B027 - optional; a scene without resources has nothing to release
         """Release what the scene holds; may be called twice."""
+
+
+def not_copied(spec: SceneSpec) -> CausalbenchError:
+    """The error of a scene or a batch that is copied or pickled: Python does not see a simulator's state."""
+    return CausalbenchError(
+        f"a scene of backend {spec.backend!r} cannot be copied or pickled: make another one and give its restore() "
+        "what snapshot() of this one returns"
+    )
 
 
 def lacking(spec: SceneSpec, capability: Capability) -> CausalbenchError:

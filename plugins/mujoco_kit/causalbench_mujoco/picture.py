@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import atexit
+import functools
 import importlib
 import os
+import threading
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -17,16 +20,29 @@ MAX_GEOMS = 1000
 
 
 def draw(model: mujoco.MjModel, data: mujoco.MjData, width: int, height: int, camera: Camera) -> NDArray[np.uint8]:
-    """RGB image (height, width, 3) of what `camera` sees."""
-    key = os.getpid(), model.nmeshvert
-    if key not in _PAINTERS:
-        _PAINTERS[key] = _Painter(model)
-        atexit.register(_PAINTERS[key].close)
-    return _PAINTERS[key].draw(model, data, width, height, camera)
+    """RGB image (height, width, 3) of what `camera` sees, in any thread.
+
+    Raises `CausalbenchError` where there is no OpenGL, and in a process forked from one that has drawn: OpenGL would
+    wait for ever for threads that a fork does not copy.
+    """
+    if _DRAWN_IN[0] not in (None, os.getpid()):
+        raise CausalbenchError(
+            "no picture can be drawn here: this process was forked from one that had drawn already, which OpenGL does "
+            'not survive. Start the process with multiprocessing\'s "spawn", or draw no picture before the fork'
+        )
+    with _ONE_AT_A_TIME:
+        _DRAWN_IN[0] = os.getpid()
+        if model.nmeshvert not in _PAINTERS:
+            _PAINTERS[model.nmeshvert] = _Painter(model)
+            atexit.register(_PAINTERS[model.nmeshvert].close)
+        return _PAINTERS[model.nmeshvert].draw(model, data, width, height, camera)
 
 
-_PAINTERS: dict[tuple[int, int], _Painter] = {}
-"""One for each robot: a context takes a second to make. It does not survive a fork, so the process counts, too."""
+_PAINTERS: dict[int, _Painter] = {}
+"""One for each robot: a context takes a second to make."""
+_ONE_AT_A_TIME = threading.Lock()
+_DRAWN_IN: list[int | None] = [None]
+"""The process in which OpenGL was first asked for."""
 
 
 class _Painter:
@@ -35,7 +51,7 @@ class _Painter:
     def __init__(self, model: mujoco.MjModel) -> None:
         model.vis.quality.offsamples = 0  # smooth edges would take three times as long without a graphics card
         try:
-            self._gl = _context_type()(1, 1)
+            self._gl, self._let_go = _context_type()(1, 1), _letting_go()
             self._gl.make_current()
             self._context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
         except Exception as error:  # ImportError, AttributeError, FatalError, ...: whatever is missing
@@ -55,6 +71,14 @@ class _Painter:
         self, model: mujoco.MjModel, data: mujoco.MjData, width: int, height: int, camera: Camera
     ) -> NDArray[np.uint8]:
         self._gl.make_current()
+        try:
+            return self._painted(model, data, width, height, camera)
+        finally:
+            self._let_go()  # or no other thread could draw
+
+    def _painted(
+        self, model: mujoco.MjModel, data: mujoco.MjData, width: int, height: int, camera: Camera
+    ) -> NDArray[np.uint8]:
         if width > self._context.offWidth or height > self._context.offHeight:
             mujoco.mjr_resizeOffscreen(width, height, self._context)
         way = np.subtract(camera.at, camera.eye)
@@ -69,12 +93,30 @@ class _Painter:
         return upside_down[::-1].copy()
 
     def close(self) -> None:
-        """Release OpenGL while the interpreter still can."""
-        self._context.free()
-        self._gl.free()
+        """Release OpenGL while the interpreter still can; a forked process leaves it to its parent."""
+        if _DRAWN_IN[0] == os.getpid():
+            self._gl.make_current()
+            self._context.free()
+            self._gl.free()
+
+
+def _library() -> Any:
+    """MuJoCo's module for the user's choice in MUJOCO_GL, or for EGL, which needs no display."""
+    chosen = os.environ.get("MUJOCO_GL", "").lower()
+    return importlib.import_module(f"mujoco.{chosen if chosen in ('osmesa', 'glfw') else 'egl'}")
 
 
 def _context_type() -> Any:
-    """MuJoCo's context of the user's choice in MUJOCO_GL, or of EGL, which needs no display."""
-    chosen = os.environ.get("MUJOCO_GL", "").lower()
-    return importlib.import_module(f"mujoco.{chosen if chosen in ('osmesa', 'glfw') else 'egl'}").GLContext
+    """MuJoCo's context of that library."""
+    return _library().GLContext
+
+
+def _letting_go() -> Callable[[], Any]:
+    """What ends the hold that a thread has on its context: only one thread at a time may have it."""
+    library = _library()
+    if library.__name__ == "mujoco.glfw":
+        return functools.partial(library.glfw.make_context_current, None)
+    if library.__name__ == "mujoco.osmesa":
+        return functools.partial(library.osmesa.OSMesaMakeCurrent, None, None, library.GL.GL_FLOAT, 0, 0)
+    none, egl = library.EGL.EGL_NO_SURFACE, library.EGL
+    return functools.partial(egl.eglMakeCurrent, library.EGL_DISPLAY, none, none, egl.EGL_NO_CONTEXT)
