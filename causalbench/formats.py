@@ -21,7 +21,7 @@ POLICY: Final = 4
 """A trained policy, `policy.json` and `policy.safetensors`."""
 SAMPLES: Final = 2
 """The samples of a discovery, one .npz a set."""
-SNAPSHOT: Final = 1
+SNAPSHOT: Final = 2
 """The bytes of a scene's snapshot."""
 
 SuiteFormat = Literal[1]

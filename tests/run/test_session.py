@@ -23,7 +23,9 @@ from causalbench.suite.schema import load_suite
 def plugins(monkeypatch: pytest.MonkeyPatch) -> Plugins:
     """The installed ones, a task with two objects, and a backend whose robot does not drive and that has one object."""
     found = load_plugins()
-    monkeypatch.setitem(installed().tasks, STACKING.name, STACKING)  # where a cell looks its task up
+    # Where a cell looks up its task and whose it is.
+    monkeypatch.setitem(installed().tasks, STACKING.name, STACKING)
+    monkeypatch.setitem(installed().packages, ("tasks", STACKING.name), "causalbench")
     kinematic = found.backends["kinematic"]
     first = kinematic.variants[0]
     variant = dataclasses.replace(first, capabilities=first.capabilities - {Capability.SEVERAL_OBJECTS})

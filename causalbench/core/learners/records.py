@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,6 +61,12 @@ class Evaluation:
     mean_length: float
     term_returns: Mapping[str, float]
     played: tuple[Episode, ...] = ()
+
+    @classmethod
+    def from_record(cls, record: Mapping[str, Any]) -> Evaluation:
+        """The evaluation of which `record` is what `dataclasses.asdict` made, also after a way through JSON."""
+        played = (Episode(**one | {"stages": tuple(one["stages"])}) for one in record["played"])
+        return cls(**{**record, "played": tuple(played)})
 
 
 @dataclass

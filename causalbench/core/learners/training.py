@@ -129,7 +129,7 @@ class _StagedLoop:
         self.saved = self.taken
         LOG.info("continued from the checkpoint at step %d", self.taken)
         for record in state["evaluations"]:
-            self.examiner.evaluations.append(Evaluation(**record))
+            self.examiner.evaluations.append(Evaluation.from_record(record))
             self.problem.on_evaluation(self.examiner.evaluations[-1], self.counter.counts)
 
     def _save(self, checkpoints: Checkpoints) -> None:

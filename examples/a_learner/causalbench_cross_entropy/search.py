@@ -9,29 +9,26 @@ from contextlib import closing
 import gymnasium as gym
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
 from causalbench.learner import Counter, Examiner, ObservationScale, StagedPolicy, Trained, TrainingProblem, stage_plan
 from causalbench_cross_entropy import SearchSettings
-
-Array = NDArray[np.float64]
 
 
 class StageSearch:
     """The search of one stage: parameters (n_inputs + 1, n_own_actions), the last row added to every input."""
 
-    def __init__(self, actions: NDArray[np.int64], n_inputs: int, settings: SearchSettings, rng: np.random.Generator):
+    def __init__(self, actions: np.ndarray, n_inputs: int, settings: SearchSettings, rng: np.random.Generator):
         self.actions, self.settings, self.rng = actions, settings, rng
-        self.mean: Array = np.zeros((n_inputs + 1, len(actions)))
-        self.std: Array = np.full_like(self.mean, settings.start_std)
-        self.trials: list[tuple[float, Array]] = []
+        self.mean: np.ndarray = np.zeros((n_inputs + 1, len(actions)))
+        self.std: np.ndarray = np.full_like(self.mean, settings.start_std)
+        self.trials: list[tuple[float, np.ndarray]] = []
         self.generations = 0
 
-    def draw(self) -> Array:
+    def draw(self) -> np.ndarray:
         """Parameters to try."""
         return self.rng.normal(self.mean, self.std)
 
-    def tell(self, score: float, parameters: Array) -> None:
+    def tell(self, score: float, parameters: np.ndarray) -> None:
         """Note a trial; a full generation moves the search to its best."""
         self.trials.append((score, parameters))
         if len(self.trials) < self.settings.population:
@@ -54,7 +51,7 @@ class Trial:
         self.searches, self.parameters = searches, [search.draw() for search in searches]
         self.total, self.steps = np.zeros(len(searches)), np.zeros(len(searches))
 
-    def act(self, inputs: Array, stage: int, n_actions: int) -> Array:
+    def act(self, inputs: np.ndarray, stage: int, n_actions: int) -> np.ndarray:
         """(n_actions,): those of the stage's own, the others 0."""
         action = np.zeros(n_actions)
         action[self.searches[stage].actions] = (np.append(inputs, 1.0) @ self.parameters[stage]).clip(-1.0, 1.0)
@@ -94,8 +91,8 @@ class Search:
 
     def policy(self, seed: int) -> StagedPolicy:
         """The means of all stages; `seed` is for sampled evaluation."""
-        actors, actions = [search.actor() for search in self.stages], [search.actions for search in self.stages]
-        return StagedPolicy(actors, actions, self.n_actions, self.scale, "gaussian", seed)
+        actors = [search.actor() for search in self.stages]
+        return StagedPolicy(actors, [s.actions for s in self.stages], self.n_actions, self.scale, "gaussian", seed)
 
 
 def search(problem: TrainingProblem) -> Trained:

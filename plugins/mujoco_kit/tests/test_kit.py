@@ -11,6 +11,7 @@ import pytest
 
 import causalbench_mujoco
 from causalbench.backend import Box, compiled, lidar, rotations
+from causalbench.core.world.layout import box_rows
 from causalbench_mujoco import contacts, library
 from causalbench_mujoco.arms import arm_chain, closed_gap
 from causalbench_mujoco.bases import FixedBase, JointBase, hold_velocity
@@ -110,7 +111,7 @@ def test_a_scan_is_the_closed_form_and_sees_neither_robot_nor_target() -> None:
     boxes.pose[:3] = 0.5, 0.0, 0.3
     mujoco.mj_kinematics(edited, data)
     pose = np.array([0.05, -0.1, 0.3])
-    asked = lidar.scan(lidar.box_rows(FIXTURES), lidar.scanner_pose(pose, (0.0, 0.0, 0.3)))
+    asked = lidar.scan(box_rows(FIXTURES), lidar.scanner_pose(pose, (0.0, 0.0, 0.3)))
     found = scanner.scan(pose, (0.0, 0.0, 0.3))
     assert (asked < lidar.MAX_RANGE).sum() > 20
     np.testing.assert_allclose(found, asked, atol=1e-6)

@@ -40,7 +40,7 @@ def test_the_files_need_numpy_and_pandas_alone(collected):
     with np.load(folder / "stage1-do-armz.npz", allow_pickle=False) as file:
         actions = pd.DataFrame(file["actions"], columns=file["action_names"])
         assert list(file["reward_names"]) == ["r_eefx", "r_eefy", "r_eefz1", "r_gripper"]
-        assert [*file["state_names"]] == [*TASK.state_names, "gripper_opening"]
+        assert [*file["state_names"]] == [*TASK.state_names, "gripper_opening", *TASK.feature_names]
         assert len(file["states"]) == len(file["rewards"]) == len(file["sequence"]) == len(actions) == 64
         about = json.loads(str(file["about"]))
     assert (actions.armz == 0).all()
@@ -58,7 +58,7 @@ def test_a_colleague_without_causalbench_reads_them(collected):
         "print(any(name.startswith('causalbench') for name in sys.modules))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.split("\n")[:2] == ["(64, 17)", "False"]
+    assert done.stdout.split("\n")[:2] == ["(64, 23)", "False"]
 
 
 class Interrupted(SampleFolder):
@@ -140,7 +140,7 @@ def _graph(task, count=200):
 
 
 def test_a_stage_that_is_never_reached_is_not_discovered_and_no_policy_is_built_on_that():
-    task = dataclasses.replace(toy_task(_rewards, 2), stage=lambda facts: np.full(len(facts.eef_position), 2))
+    task = dataclasses.replace(toy_task(_rewards, 2), stage=lambda facts: np.full(facts.eef_position.shape[:-1], 2))
     graph = _graph(task)
     (stage,) = graph.stages
     assert not stage.testable.any()

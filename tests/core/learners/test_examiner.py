@@ -8,7 +8,7 @@ from training import METHOD, train
 from causalbench.core.kinematic import make
 from causalbench.core.learners import evaluation, examiner
 from causalbench.core.learners.ppo.settings import PPOSettings
-from causalbench.core.learners.records import Evaluation
+from causalbench.core.learners.records import Episode, Evaluation
 from causalbench.core.learners.sac.settings import SACSettings
 from causalbench.core.learners.sb3.settings import SB3PPOSettings
 from causalbench.core.learners.settings import FIRST_START, EvaluationSettings
@@ -60,11 +60,11 @@ def test_without_such_a_row_or_such_a_setting_it_goes_on_to_the_budget(name, out
 def test_starts_are_those_of_the_settings(monkeypatch):
     seeds = []
 
-    def episode(policy, env, seed, deterministic):
-        seeds.append(seed)
-        return evaluation._Outcome(False, None, 0, 1, 1, 0.0 * env.reset(seed=seed)[0]["state"][:9])
+    def play(policy, env, first_start, number, deterministic):
+        seeds.append(first_start + number)
+        return Episode(number, deterministic, False, None, 4, (1,), 1, dict.fromkeys(env.reward_names, 0.0))
 
-    monkeypatch.setattr(evaluation, "_episode", episode)
+    monkeypatch.setattr(evaluation, "_play", play)
     for looks in (EvaluationSettings(every=100, final_episodes=2), EvaluationSettings(100, 1, 2, first_start=7)):
         train(TASK, make, METHOD["mSAC"], None, SETTINGS["mSAC"], looks, 1)
     assert seeds == [*[FIRST_START, FIRST_START + 1] * 2, *[7, 8] * 2]

@@ -111,7 +111,7 @@ def test_under_the_papers_sum_one_does(name):
     """The answer known of pure manipulation: about 250 an episode beside the expert's 19."""
     push = "backwards in 2" if name == "mobile" else "diagonal in 2"
     found, reversals = _returns(name, dict(_scripts(name))[push])
-    assert reversals > 10 * STARTS
+    assert reversals > STARTS
     for earned, by_expert in zip(found["paper"], _expert(name)["paper"], strict=True):
         assert earned > by_expert
     if name == "pure":

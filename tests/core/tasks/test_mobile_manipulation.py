@@ -215,7 +215,7 @@ def test_resets_into_a_stage(mobile_env, stage):
     for seed in range(5):
         obs, info = mobile_env.reset(seed=seed, options={"stage": stage})
         assert info["stage"] == stage
-        assert set(obs) == {"state", "stage", "lidar"}
+        assert set(obs) == {"state", "features", "stage", "lidar"}
         assert mobile_env.observation_space.contains(obs)
 
 
