@@ -3,7 +3,8 @@
 
 PYTHON ?= python3.11
 SUITE ?= suites/pure_manip.yaml
-PYTEST_WORKERS ?= auto
+# One more than cores: many tests wait for a process that they started.
+PYTEST_WORKERS ?= $(shell expr $$(getconf _NPROCESSORS_ONLN) + 1)
 
 SHELL := /bin/bash
 VENV := .venv

@@ -44,7 +44,9 @@ def test_its_own_tests_are_the_contract(folder: Path) -> None:
     assert f"3 passed, 1 skipped, {len(CHECKS) - 4} deselected" in done.stdout, done.stdout
 
 
-@pytest.mark.parametrize("name", ["x", "a_name_as_long_as_that_of_some_simulators"])
+@pytest.mark.parametrize(
+    "name", [pytest.param("x", marks=pytest.mark.long), "a_name_as_long_as_that_of_some_simulators"]
+)
 def test_it_is_clean_whatever_its_name(name: str, tmp_path: Path) -> None:
     folder = write_backend(name, tmp_path)
     rules = ",".join(tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["ruff"]["lint"]["select"])

@@ -64,7 +64,7 @@ def test_a_frame_is_what_was_seen_before_its_step() -> None:
         assert np.array_equal(obs["rgb"].ravel(), samples.frames[0][row])
 
 
-@pytest.mark.parametrize("task", [PURE, MOBILE], ids=lambda task: task.name)
+@pytest.mark.parametrize("task", [pytest.param(PURE, marks=pytest.mark.long), MOBILE], ids=lambda task: task.name)
 def test_discovery_sees_what_the_paper_says_and_keeps_it(task, tmp_path: Path) -> None:
     settings = DiscoverySettings(
         training_count=24, n_placebos=0, observation="paper", options=KLSettings(max_epochs=1, batch_size=16)
