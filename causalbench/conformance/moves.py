@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from causalbench.conformance.bench import expect
 from causalbench.core.numerics import rotations
 from causalbench.core.tasks import pure_manipulation as task
+from causalbench.core.tasks import pure_manipulation_data as numbers
 from causalbench.core.tasks.task import Task
 from causalbench.core.world.facts import Facts
 from causalbench.core.world.layout import Layout
@@ -134,9 +135,9 @@ def aside(scene: Scene, layout: Layout) -> Layout:
     workspace = scene.spec.workspace
     _, hand_y, _ = to_base(layout.eef_position)
     middle = (workspace.object_low[0] + workspace.object_high[0]) / 2
-    height = workspace.table_height + task.C.box_half_extents[2]
+    height = workspace.table_height + numbers.C.box_half_extents[2]
     place = np.array([middle, -math.copysign(0.42, hand_y), height])
-    box = dataclasses.replace(layout.target, position=rotations.rotate(task.BASE_QUATERNION, place))
+    box = dataclasses.replace(layout.target, position=rotations.rotate(numbers.BASE_QUATERNION, place))
     return dataclasses.replace(layout, target=box)
 
 
@@ -147,7 +148,7 @@ def clear_poses(scene: Scene, nearer: float = 0.0, higher: float = 0.1) -> Itera
     """
     rng = np.random.default_rng(0)
     for layout in draws(scene, 0, 2):
-        shift = rotations.rotate(task.BASE_QUATERNION, rng.random(3) * np.array([-nearer, 0.0, higher]))
+        shift = rotations.rotate(numbers.BASE_QUATERNION, rng.random(3) * np.array([-nearer, 0.0, higher]))
         yield aside(scene, dataclasses.replace(layout, eef_position=layout.eef_position + shift))
 
 
@@ -194,16 +195,16 @@ def full_runs(scene: Scene, name: str, value: float, size: float = 1.0, count: i
 
 def _half_tilted(layout: Layout) -> Layout:
     """`layout` with the hand half as far from straight down as the task's starts are at most."""
-    posture = rotations.multiply(task.FACE_DOWN, rotations.from_axis_angle(1, -task.C.tilt_high / 2))
+    posture = rotations.multiply(numbers.FACE_DOWN, rotations.from_axis_angle(1, -numbers.C.tilt_high / 2))
     return dataclasses.replace(
-        layout, eef_quaternion=rotations.canonical(rotations.multiply(task.BASE_QUATERNION, posture))
+        layout, eef_quaternion=rotations.canonical(rotations.multiply(numbers.BASE_QUATERNION, posture))
     )
 
 
 def _displaced(layout: Layout, index: int, amount: float) -> Layout:
     """`layout` with the hand moved by `amount` (m or rad) along or about `AXES[index]`."""
     if index < 3:
-        shift = rotations.rotate(task.BASE_QUATERNION, amount * np.eye(3)[index])
+        shift = rotations.rotate(numbers.BASE_QUATERNION, amount * np.eye(3)[index])
         return dataclasses.replace(layout, eef_position=layout.eef_position + shift)
     turned = rotations.multiply(layout.eef_quaternion, rotations.from_axis_angle(index - 3, amount))
     return dataclasses.replace(layout, eef_quaternion=rotations.canonical(turned))
@@ -211,7 +212,7 @@ def _displaced(layout: Layout, index: int, amount: float) -> Layout:
 
 def to_base(position: Array) -> Array:
     """World coordinates (3,) seen from the base of the task's layouts."""
-    return rotations.rotate(rotations.conjugate(task.BASE_QUATERNION), position)
+    return rotations.rotate(rotations.conjugate(numbers.BASE_QUATERNION), position)
 
 
 def moved(before: Facts, after: Facts) -> Array:

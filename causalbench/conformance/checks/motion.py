@@ -26,7 +26,7 @@ from causalbench.conformance.moves import (
     walk,
 )
 from causalbench.core.numerics import rotations
-from causalbench.core.tasks import pure_manipulation as task
+from causalbench.core.tasks import pure_manipulation_data as numbers
 from causalbench.core.world.layout import Layout
 from causalbench.core.world.scene import Scene
 from causalbench.errors import InvalidActionError
@@ -213,7 +213,7 @@ def _narrow_table(layout: Layout) -> Layout:
     """`layout` with a table that ends 0.1 m beside the box."""
     table = layout.fixtures[0]
     x, _, z = to_base(table.position)
-    place = rotations.rotate(task.BASE_QUATERNION, np.array([x, to_base(layout.target.position)[1], z]))
+    place = rotations.rotate(numbers.BASE_QUATERNION, np.array([x, to_base(layout.target.position)[1], z]))
     narrow = dataclasses.replace(table, position=place, half_extents=table.half_extents * np.array([1.0, 0.2, 1.0]))
     return dataclasses.replace(layout, fixtures=(narrow,))
 

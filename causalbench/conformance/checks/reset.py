@@ -20,7 +20,7 @@ from causalbench.conformance.moves import (
     start,
 )
 from causalbench.core.numerics import rotations
-from causalbench.core.tasks.pure_manipulation import N_STAGES, C
+from causalbench.core.tasks.pure_manipulation_data import N_STAGES, C
 from causalbench.core.world.facts import Facts
 from causalbench.core.world.layout import Box, Layout
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from causalbench.core.tasks import pure_manipulation as pure
+from causalbench.core.tasks import pure_manipulation_data as data
 from causalbench.core.tasks.reward_scales import SCALES
 from causalbench.core.world.facts import Facts
 
@@ -25,18 +26,18 @@ def rewards(
     """Pure manipulation's reward vector (..., 9); in stage 4 `r_gripper` also pays what the gripper closed by."""
     out = pure.rewards(previous, stage, action, now, next_stage)
     closed = previous.gripper_opening - now.gripper_opening
-    out[..., GRIPPER] += np.where(stage == pure.N_STAGES, SCALES.distance * closed, 0.0)
+    out[..., GRIPPER] += np.where(stage == data.N_STAGES, SCALES.distance * closed, 0.0)
     return out
 
 
 CLOSING = dataclasses.replace(
-    pure.TERMS[GRIPPER], description="closing: a penalty before stage 4, every metre of it and the grasp in stage 4"
+    data.TERMS[GRIPPER], description="closing: a penalty before stage 4, every metre of it and the grasp in stage 4"
 )
 TASK = dataclasses.replace(
     pure.TASK,
     name="pure_manipulation_dense",
     env_id="causalbench/PureManipulationDense-v0",
-    terms=tuple(CLOSING if term.name == CLOSING.name else term for term in pure.TERMS),
+    terms=tuple(CLOSING if term.name == CLOSING.name else term for term in data.TERMS),
     constants={**pure.TASK.constants, "closing": SCALES.distance},
     rewards=rewards,
 )

@@ -6,19 +6,20 @@ import math
 from itertools import product
 
 from causalbench.core.tasks import pure_manipulation as task
+from causalbench.core.tasks import pure_manipulation_data as numbers
 from causalbench.core.world.reach import ReachDemands
 
-_SLANT = task.C.tolerance_ori / math.sqrt(2)
-_TILTED = tuple(product((task.C.tilt_low, 0.675, task.C.tilt_high), (-task.C.roll, 0.0, task.C.roll)))
+_SLANT = numbers.C.tolerance_ori / math.sqrt(2)
+_TILTED = tuple(product((numbers.C.tilt_low, 0.675, numbers.C.tilt_high), (-numbers.C.roll, 0.0, numbers.C.roll)))
 _FACE_DOWN = tuple(product((-_SLANT, 0.0, _SLANT), (-_SLANT, 0.0, _SLANT)))
 
 PURE_MANIPULATION = ReachDemands(
-    rise=task.C.box_half_extents[2],
-    offset=task.C.tolerance_xy,
+    rise=numbers.C.box_half_extents[2],
+    offset=numbers.C.tolerance_xy,
     poses=(
-        (task.C.hover - task.C.tolerance_hover, _TILTED + _FACE_DOWN),
-        (task.C.hover + task.C.tolerance_hover, _TILTED + _FACE_DOWN),
-        (task.C.grasp_height, _FACE_DOWN),
+        (numbers.C.hover - numbers.C.tolerance_hover, _TILTED + _FACE_DOWN),
+        (numbers.C.hover + numbers.C.tolerance_hover, _TILTED + _FACE_DOWN),
+        (numbers.C.grasp_height, _FACE_DOWN),
     ),
     tilts=_TILTED,
     draw_start=lambda rng, workspace, max_opening: task.draw_layout(rng, workspace, max_opening, 1),

@@ -27,7 +27,8 @@ from causalbench.core.learners.settings import EvaluationSettings
 from causalbench.core.staged.env import StageTaskEnv
 from causalbench.core.staged.scene_worlds import SceneWorlds
 from causalbench.core.staged.vector_env import StageTaskVectorEnv
-from causalbench.core.tasks.pure_manipulation import TASK, C
+from causalbench.core.tasks.pure_manipulation import TASK
+from causalbench.core.tasks.pure_manipulation_data import C
 from causalbench.core.world.batch import make_batch
 from causalbench.errors import DivergedError, InvalidGraphError, UserError
 
