@@ -53,7 +53,8 @@ def discover(
 ) -> CausalGraph:
     """The causal graph of `env`'s task (paper, Algorithm 1), found in worlds of its own like that of `env`.
 
-    `on_progress(share done, what is being done)` is called often. Raises `UserError` unless `make_env` made `env`.
+    `on_progress(share done, what is being done)` is called often. Raises `UserError` unless `make_env` made `env`,
+    and for a wrapper around it, which those worlds would not have.
     """
     task, make_worlds, _ = _parts(env)
     return pipeline.discover(task, make_worlds, settings, seed, on_progress, discoverers=installed().discoverers)
@@ -76,7 +77,7 @@ def train(
     its defaults; the policy observes what `env` does. With the file `checkpoint`, a call that was killed goes on there
     when it is repeated. Raises `InvalidGraphError` for a missing or wrong graph, `CheckpointError` for a checkpoint of
     another run, `DivergedError` for a loss that explodes, and `UserError` for the settings of another learner or an
-    environment that `make_env` did not make.
+    environment that `make_env` did not make or that has a wrapper, which the worlds of its own would not have.
     """
     task, make_worlds, seen = _parts(env)
     chosen = installed().method(method)
@@ -111,8 +112,24 @@ def _observing(learner: Learner, settings: Any, seen: Mapping[str, Any]) -> Any:
     return dataclasses.replace(settings, **differing)
 
 
+TRANSPARENT = (gym.wrappers.OrderEnforcing, gym.wrappers.PassiveEnvChecker)
+"""What `gymnasium.make` puts around every environment, and what changes nothing that a learner sees."""
+
+
+def _check_wrappers(env: gym.Env[Any, Any]) -> None:
+    """Raise `UserError` for a wrapper that training in other worlds would ignore."""
+    while isinstance(env, gym.Wrapper):
+        if not isinstance(env, TRANSPARENT):
+            raise UserError(
+                f"{type(env).__name__}: the worlds of train and discover are made anew and would not have this "
+                "wrapper; give the environment without it"
+            )
+        env = env.env
+
+
 def _parts(env: gym.Env[Any, Any]) -> tuple[StageTask, MakeWorlds, dict[str, Any]]:
     inner = env.unwrapped
+    _check_wrappers(env)
     if not isinstance(inner, StageTaskEnv) or inner.make_worlds is None:
         raise UserError(f"{env}: expected an environment from causalbench.make_env or gymnasium.make")
     seen = {"observe_gripper": inner.observe_gripper, "observation": inner.observe, "features": inner.features}

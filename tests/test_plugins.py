@@ -31,6 +31,7 @@ def causalbench_backends(register):
 NOT_IMPORTABLE = "import a_simulator_that_is_not_here"
 MISSPELT = GOOD.replace("causalbench_backends", "causalbench_backend").replace('"toy"', '"other"')
 TAKEN = GOOD.replace('"toy"', '"kinematic"')
+LEAVING = "import sys; sys.exit(0)"
 CRASHING = GOOD.replace("register(", "register(1 / 0, ")
 
 
@@ -56,6 +57,7 @@ def test_broken_plugins_are_rows_and_the_good_ones_load(install: Install, monkey
     install("bb-misspelt", MISSPELT)
     install("cc-taken", TAKEN)
     install("dd-crashing", CRASHING)
+    install("ee-leaving", LEAVING)
     plugins = load(monkeypatch, install("zz-good", GOOD))
     assert PluginRow("zz-good", "1.0", "zz_good") in plugins.rows
     assert plugins.owners["toy"] == PluginRow("zz-good", "1.0", "zz_good")
@@ -65,6 +67,7 @@ def test_broken_plugins_are_rows_and_the_good_ones_load(install: Install, monkey
         "UserError: backend 'kinematic' is already registered; choose another name"
     )
     assert error_of(plugins, "dd-crashing") == "ZeroDivisionError: division by zero"
+    assert error_of(plugins, "ee-leaving") == "SystemExit: 0"
     assert "other" not in plugins.backends
     assert plugins.owners["kinematic"].distribution == "causalbench-robotics"
 

@@ -181,7 +181,7 @@ def load_plugins() -> Plugins:
     for row, load in sources:
         try:
             _register(manager, load(), row, plugins)
-        except Exception as error:  # a stranger's code may raise anything
+        except (Exception, SystemExit) as error:  # a stranger's code may raise anything
             row = replace(row, error=f"{type(error).__name__}: {error}")
         plugins.rows.append(row)
     return plugins
@@ -207,7 +207,7 @@ def _register(manager: pluggy.PluginManager, plugin: ModuleType, row: PluginRow,
             for implementation in caller.get_hookimpls():
                 if implementation.plugin is plugin:
                     cast(Callable[..., None], implementation.function)(register)
-    except Exception:
+    except (Exception, SystemExit):
         # A misspelt hook left behind would make check_pending fail for every later plugin.
         manager.unregister(plugin)
         raise

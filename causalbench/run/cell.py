@@ -70,7 +70,7 @@ def run_cell(cell: Cell, run: RunFolder, on_progress: OnProgress, keeping: Keepi
             else:
                 steps = _learn(cell, folder, run, on_progress, keeping)
             status = Status("done", "", time.monotonic() - started, steps, source_of(cell, installed()))
-        except Exception as error:
+        except (Exception, SystemExit) as error:  # a simulator that exits ends its cell, not the run
             LOGGER.exception("the cell ends here")
             kind = "" if isinstance(error, CausalbenchError) else f"{type(error).__name__}: "
             state: State = "diverged" if isinstance(error, DivergedError) else "failed"

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 import tomllib
 from pathlib import Path
 
@@ -100,6 +103,17 @@ def test_a_mark_neither_falls_nor_touches(mass: float) -> None:
     touches = bool((data.contact.geom == edited.geom(TARGET).id).any())
     moved = float(np.abs(boxes.pose[:3] - FIXTURES[0].position).max())
     assert (touches, moved > 1e-3) == (mass > 0, mass > 0)
+
+
+def test_a_library_for_pictures_that_is_missing_is_named(tmp_path: Path) -> None:
+    """PyOpenGL says so by an attribute of None, in the first import of MuJoCo."""
+    (tmp_path / "OpenGL").mkdir()
+    (tmp_path / "OpenGL" / "__init__.py").write_text("None.glGetError")
+    env = os.environ | {"MUJOCO_GL": "osmesa", "PYTHONPATH": str(tmp_path)}
+    code = "import causalbench_mujoco.engine"
+    done = subprocess.run([sys.executable, "-c", code], env=env, capture_output=True, text=True)
+    assert done.returncode == 1
+    assert "ImportError: MUJOCO_GL=osmesa: its library is not on this machine" in done.stderr
 
 
 def test_a_scan_is_the_closed_form_and_sees_neither_robot_nor_target() -> None:
