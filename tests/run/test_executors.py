@@ -14,7 +14,7 @@ import pytest
 from causalbench.run.executors import PRELOAD
 
 PLUGIN = """
-import ctypes, os, signal, threading
+import ctypes, os, signal, sys, threading
 from causalbench.errors import DivergedError
 from causalbench.plugins.backends import Backend, Variant
 from causalbench.plugins.hookspecs import hookimpl
@@ -28,6 +28,7 @@ def diverging():
 WAYS = {
     "raising": raising,
     "diverging": diverging,
+    "leaving": lambda: sys.exit(0),
     "exiting": lambda: os._exit(3),
     "killed": lambda: os.kill(os.getpid(), signal.SIGKILL),
     "segfaulting": lambda: ctypes.string_at(0),
@@ -104,9 +105,10 @@ def test_a_hang_ends_at_the_time_limit_and_counts_until_it_is_retried(run: Calla
 
 
 def test_the_serial_executor_goes_on_after_an_exception(run: Callable, tmp_path: Path) -> None:
-    assert run("raising", "--executor", "serial").returncode == 1
+    assert run("raising, leaving", "--executor", "serial").returncode == 1
     found = reasons(tmp_path / "run")
     assert found["raising", "mSAC"] == ("failed", "RuntimeError: the arm fell off")
+    assert found["leaving", "mSAC"] == ("failed", "SystemExit: 0")
     assert found["raising", "cmSAC"][0] == "skipped"
 
 
