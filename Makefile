@@ -46,7 +46,7 @@ test: env
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
-	$(BIN)/python -m pytest -m 'not long' -n $(PYTEST_WORKERS)
+	$(BIN)/python -m pytest -m 'not long' -n $(PYTEST_WORKERS) --dist worksteal
 
 test-long: env
 	$(BIN)/python -m pytest -m long

@@ -129,8 +129,8 @@ def _check_wrappers(env: gym.Env[Any, Any]) -> None:
 
 def _parts(env: gym.Env[Any, Any]) -> tuple[StageTask, MakeWorlds, dict[str, Any]]:
     inner = env.unwrapped
-    _check_wrappers(env)
     if not isinstance(inner, StageTaskEnv) or inner.make_worlds is None:
         raise UserError(f"{env}: expected an environment from causalbench.make_env or gymnasium.make")
+    _check_wrappers(env)
     seen = {"observe_gripper": inner.observe_gripper, "observation": inner.observe, "features": inner.features}
     return inner.task, inner.make_worlds, seen
