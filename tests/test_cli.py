@@ -80,7 +80,7 @@ def test_a_run_with_another_budget_does_not_mix_into_a_folder(
     other.write_text(tiny_suite.read_text().replace("env_steps: 120", "env_steps: 240"))
     done = call("run", other, "--tier", "smoke", "--out", finished_run)
     assert done.returncode == 2
-    assert "the budget is {'env_steps': 240} and {'env_steps': 120}; use another --out" in done.stderr
+    assert "the budget on kinematic is {'env_steps': 240} and {'env_steps': 120}; use another --out" in done.stderr
 
 
 def test_plan_estimates_from_what_has_run(call: Callable, tiny_suite: Path, finished_run: Path) -> None:

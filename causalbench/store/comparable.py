@@ -63,7 +63,7 @@ def _scopes(identity: Mapping[str, Any]) -> dict[tuple[str, ...], Any]:
         return scopes | {("discovery on", backend, *grid_point): identity["settings"]}
     method = identity["method"]["name"]
     return scopes | {
-        ("the budget",): {"env_steps": identity["env_steps"]},
+        ("the budget on", backend): {"env_steps": identity["env_steps"]},
         ("evaluation on", backend, *grid_point): identity["evaluation"],
         ("method", method): identity["method"],
         ("the learner of", method, "on", backend, *grid_point): identity["learner"],

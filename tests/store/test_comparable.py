@@ -16,7 +16,7 @@ from causalbench.store.run_folder import RunFolder
 @pytest.mark.parametrize(
     ("key", "value", "message"),
     [
-        ("env_steps", 200, "the budget is {'env_steps': 200} and {'env_steps': 100}"),
+        ("env_steps", 200, "the budget on b is {'env_steps': 200} and {'env_steps': 100}"),
         ("task", {"name": "t", "version": 1}, "the task is {'version': 1} and {'version': 0}"),
         ("task", {"name": "t", "version": 0, "more": 1}, "the task is {'more': 1} and {'more': None}"),
         ("learner", {"gamma": 0.5}, "the learner of m on b is {'gamma': 0.5} and {'gamma': 0.9}"),
@@ -35,7 +35,7 @@ def test_cells_that_differ_in_seed_method_or_backend_are_compared() -> None:
     others = [
         {"seed": 5},
         {"method": {"name": "n"}, "learner": {"gamma": 0.1}},
-        {"backend": {"name": "c", "version": "7"}, "evaluation": {"every": 3}},
+        {"backend": {"name": "c", "version": "7"}, "evaluation": {"every": 3}, "env_steps": 300},
     ]
     check_comparable([("one", LEARNER), *(("other", LEARNER | other) for other in others)])
 

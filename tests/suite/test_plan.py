@@ -13,7 +13,8 @@ from gym_tasks import CAR, CAR_THAT_FORGETS, LINE
 from causalbench.core.learners.methods import Method
 from causalbench.core.tasks.gym_task import GymTask
 from causalbench.errors import SuiteError, UnknownNameError, UserError
-from causalbench.plugins.manager import Plugins, load_plugins
+from causalbench.plugins.manager import Plugins, installed, load_plugins
+from causalbench.store.comparable import check_comparable
 from causalbench.suite.cells import Cell, DiscoveryCell, LearnerCell, content_hash
 from causalbench.suite.plan import Plan, make_plan
 from causalbench.suite.schema import load_suite
@@ -391,3 +392,10 @@ def test_options_that_the_maker_of_an_environment_does_not_take_are_a_mistake(tm
             GYM_SUITE.replace("mountain_car", "line").replace("METHODS", "mSAC").replace("DISCOVERER", "kl")
             .replace("STATES", "0") + "per_backend: {gymnasium: {options: {speed: 3}}}\n",
         )  # fmt: skip
+
+
+@pytest.mark.parametrize("path", sorted((Path(__file__).parents[2] / "suites").glob("*.yaml")), ids=lambda p: p.stem)
+def test_the_cells_of_every_tier_of_a_shipped_suite_may_stand_in_one_folder(path: Path) -> None:
+    file = load_suite(path, installed())
+    for tier in file.suite.tiers:
+        check_comparable((cell.id, cell.identity) for cell in make_plan(file, tier, installed()).cells)
