@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import backend_option
+import installing
 import pytest
 import torch
 
@@ -89,6 +90,14 @@ def install(tmp_path: Path) -> Callable[[str, str], Path]:
         return site
 
     return write
+
+
+@pytest.fixture(scope="module")
+def site(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder in which the distribution that the test module names as its `EXAMPLE` is installed."""
+    folder = tmp_path_factory.mktemp("site")
+    installing.install(request.module.EXAMPLE, folder)
+    return folder
 
 
 TINY = """\

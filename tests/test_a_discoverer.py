@@ -8,18 +8,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from installing import call, imports_of_causalbench, install
+from installing import call, imports_of_causalbench
 from truth import TRUTH
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "a_discoverer"
 MODULE = EXAMPLE / "causalbench_rank_correlation.py"
-
-
-@pytest.fixture(scope="module")
-def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("site")
-    install(EXAMPLE, folder)
-    return folder
 
 
 def test_it_imports_from_causalbench_what_its_facade_offers() -> None:

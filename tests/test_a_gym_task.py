@@ -6,18 +6,10 @@ import re
 from pathlib import Path
 
 import pandas as pd
-import pytest
 from gym_tasks import CAR_FILE
-from installing import call, imports_of_causalbench, install
+from installing import call, imports_of_causalbench
 
 EXAMPLE = CAR_FILE.parent
-
-
-@pytest.fixture(scope="module")
-def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("site")
-    install(EXAMPLE, folder)
-    return folder
 
 
 def test_it_imports_from_causalbench_what_its_facade_offers() -> None:

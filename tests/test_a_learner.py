@@ -7,18 +7,11 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from installing import call, imports_of_causalbench, install
+from installing import call, imports_of_causalbench
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "a_learner"
 MODULES = sorted((EXAMPLE / "causalbench_cross_entropy").glob("*.py"))
 RUN = ("causalbench", "run", str(EXAMPLE / "suite.yaml"), "--tier", "smoke", "--out", "run", "--quiet")
-
-
-@pytest.fixture(scope="module")
-def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("site")
-    install(EXAMPLE, folder)
-    return folder
 
 
 @pytest.fixture(scope="module")

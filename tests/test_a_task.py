@@ -5,18 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import pandas as pd
-import pytest
-from installing import call, imports_of_causalbench, install
+from installing import call, imports_of_causalbench
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "a_task"
 MODULE = EXAMPLE / "causalbench_hover.py"
-
-
-@pytest.fixture(scope="module")
-def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("site")
-    install(EXAMPLE, folder)
-    return folder
 
 
 def test_it_imports_from_causalbench_what_its_facade_offers() -> None:

@@ -48,6 +48,13 @@ def training_matrix(task: StageTask, graph: CausalGraph, stage: int) -> NDArray[
     return full
 
 
+def stage_plans(
+    task: StageTask, method: Method, graph: CausalGraph | None, critics: CriticLayout, full_stages: Collection[int]
+) -> list[StagePlan]:
+    """The plans of all stages, in order; see `stage_plan`."""
+    return [stage_plan(task, method, graph, i, critics, full_stages) for i in range(1, task.n_stages + 1)]
+
+
 def stage_plan(
     task: StageTask,
     method: Method,

@@ -10,7 +10,7 @@ import torch
 from numpy.typing import NDArray
 
 from causalbench.core.discovery.graph import CausalGraph
-from causalbench.core.learners.causal_gradient import stage_plan
+from causalbench.core.learners.causal_gradient import stage_plans
 from causalbench.core.learners.learner import diverging_in
 from causalbench.core.learners.methods import Method
 from causalbench.core.learners.policy import ObservationScale, StagedPolicy
@@ -35,10 +35,7 @@ class StagedPPO:
         seed: int,
     ) -> None:
         self.task, self.scale = task, scale
-        self.plans = [
-            stage_plan(task, method, graph, i, settings.critics, settings.full_stages)
-            for i in range(1, task.n_stages + 1)
-        ]
+        self.plans = stage_plans(task, method, graph, settings.critics, settings.full_stages)
         seeds = np.random.SeedSequence(seed).generate_state(task.n_stages + 1)
         n_obs, n_actions = scale.n_inputs, len(task.actions)
         self.agents = [
