@@ -110,6 +110,7 @@ def test_a_library_for_pictures_that_is_missing_is_named(tmp_path: Path) -> None
     (tmp_path / "OpenGL").mkdir()
     (tmp_path / "OpenGL" / "__init__.py").write_text("None.glGetError")
     env = os.environ | {"MUJOCO_GL": "osmesa", "PYTHONPATH": str(tmp_path)}
+    env.pop("PYOPENGL_PLATFORM", None)  # which MuJoCo has set where this process has drawn a picture
     code = "import causalbench_mujoco.engine"
     done = subprocess.run([sys.executable, "-c", code], env=env, capture_output=True, text=True)
     assert done.returncode == 1
