@@ -1,7 +1,8 @@
 """causalbench: does knowing which actions cause which rewards make multi-stage robot tasks learnable?
 
-Names are imported on first use, so that `import causalbench` costs next to nothing; it also makes the environments
-known to `gymnasium.make`, as does `gymnasium.make("causalbench:causalbench/PureManipulation-v0")` by itself.
+`import causalbench` makes the environments known to `gymnasium.make`, and so does an id that names the module:
+`gymnasium.make("causalbench:causalbench/PureManipulation-v0")`, in any process. Names are imported on first use, so
+that it costs little more than `import gymnasium`.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from causalbench._version import __version__
 from causalbench.lazy import lazy
-from causalbench.registration import register_with_gymnasium
+from causalbench.plugins.environment_ids import register_on_import
 
 if TYPE_CHECKING:
     from causalbench.api import discover, load_graph, train
@@ -50,7 +51,7 @@ __all__ = [
 ]
 
 __getattr__ = lazy(__name__, _HOMES)
-register_with_gymnasium()
+register_on_import()
 
 
 def __dir__() -> list[str]:

@@ -150,23 +150,7 @@ def _usable(kind: str, name: str, known: Mapping[str, OptionalT]) -> OptionalT:
 @functools.cache
 def installed() -> Plugins:
     """`load_plugins()`, once a process."""
-    _LOADING.append([])
-    plugins = load_plugins()
-    for call in _LOADING.pop():
-        call(plugins)
-    return plugins
-
-
-_LOADING: list[list[Callable[[Plugins], None]]] = []
-"""What waits for the end of a loading that is under way; empty when none is."""
-
-
-def when_installed(call: Callable[[Plugins], None]) -> None:
-    """Call `call(installed())` now, or at the end of a loading that is under way: a plugin may be what asks for it."""
-    if _LOADING:
-        _LOADING[-1].append(call)
-    else:
-        call(installed())
+    return load_plugins()
 
 
 def load_plugins() -> Plugins:

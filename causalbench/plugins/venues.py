@@ -17,6 +17,7 @@ from causalbench.core.tasks.task import Task
 from causalbench.core.world.capabilities import EVERY_SCENE, Capability
 from causalbench.errors import CausalbenchError, UserError
 from causalbench.plugins.backends import NO_OPTIONS, Backend, bound, missing_modules
+from causalbench.plugins.environment_ids import register_envs
 
 if TYPE_CHECKING:  # what simulates is imported when worlds are made
     from causalbench.core.staged.worlds import MakeWorlds
@@ -143,6 +144,7 @@ class _Environments:
     def make_worlds(self, backend: Backend, options: Options = NO_OPTIONS) -> MakeWorlds:
         from causalbench.core.staged.gym_worlds import make_gym_worlds
 
+        register_envs()  # in the command, too, the environments may be made by our ids
         return functools.partial(make_gym_worlds, self.task, backend.name, options)
 
     def trace_hash(self) -> str:

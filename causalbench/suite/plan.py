@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import importlib.metadata
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -226,6 +227,11 @@ def module_versions(modules: Iterable[str]) -> dict[str, str]:
     """Versions of the distributions that provide `modules`, without importing them."""
     if not (tops := {module.partition(".")[0] for module in modules}):
         return {}
-    providers = importlib.metadata.packages_distributions()
-    names = sorted({name for top in tops for name in providers.get(top, ())})
+    names = sorted({name for top in tops for name in _providers().get(top, ())})
     return {name: importlib.metadata.version(name) for name in names}
+
+
+@functools.cache
+def _providers() -> Mapping[str, list[str]]:
+    """Top-level module -> the distributions that provide it; read once, since it takes a second."""
+    return importlib.metadata.packages_distributions()
