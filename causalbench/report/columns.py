@@ -37,7 +37,7 @@ def _number(unit: str, sentence: str) -> Column:
 COLUMNS: dict[str, Column] = {
     # What a row is of
     "task": _text("The task's name."),
-    "backend": _text('The backend\'s name; in the leaderboard "all" stands for all backends together.'),
+    "backend": _text('The backend\'s name; in the leaderboard and in verdicts "all" stands for all backends together.'),
     "method": _text("The method's name: a row of the method table."),
     "grid_point": _text("What the suite's `grid` set in this cell, such as `learner.gamma=0.9`; empty without a grid."),
     "seed": _count("", "The seed of training and evaluation, or of a discovery."),
@@ -133,7 +133,43 @@ COLUMNS: dict[str, Column] = {
     "p_better_high": _number("", "Upper end of that interval."),
     "failed_cells": _count("cells", "Cells that failed, diverged, timed out, were skipped or are damaged."),
     "sources": _count("", "Versions of the source code that made the cells of the board; above 1 it mixes code."),
-    "verdict": _text("What the seeds allow one to say, in words."),
+    "verdict": _text(
+        "What the seeds allow one to say: in the leaderboard in words and exploratory; of a hypothesis `better`, "
+        "`worse`, `equivalent`, `not decided` or `not run`."
+    ),
+    # Verdicts
+    "hypothesis": _text("What the suite states: `A > B`, or `A == B within` a difference of success areas."),
+    "stated": _count("", "1 if it was written down before the run's first cell started, 0 if it is exploratory."),
+    "measure": _text(
+        "What is compared: `success_auc`, or, as a secondary measure, `steps_to_90` by the log-rank test."
+    ),
+    "difference": _number(
+        "",
+        "A less B, the mean of backends: of `success_auc`, or the environment steps to 90% that A saves in the budget.",
+    ),
+    "low": _number(
+        "", "Lower end of the 95% interval of this difference alone, by inverting the test; empty if infinite."
+    ),
+    "high": _number("", "Upper end of that interval."),
+    "p_value": _number(
+        "", "Two-sided p-value of the test on seeds; for `==` of two one-sided tests, if that is smaller."
+    ),
+    "p_adjusted": _number(
+        "", "The p-value by Holm's step-down for all comparisons of the measure: at most 0.05 decides."
+    ),
+    "n_a": _count("cells", "Finished cells of A among the planned ones."),
+    "n_b": _count("cells", "Finished cells of B among the planned ones."),
+    "seeds_missing": _count(
+        "cells", "Planned cells of A and B that are not finished; there is no verdict unless it is 0."
+    ),
+    "seed_correlation": _number("", "Correlation of A and B by seed, the mean of backends; empty if undefined."),
+    "paired": _count(
+        "", "1 if the test took seeds as pairs, which it does from eight seeds of a correlation of 0.5 on."
+    ),
+    "detectable": _number(
+        "", "The true difference that these seeds show with a chance of 80%; empty if so few cannot show any."
+    ),
+    "sentence": _text("The verdict with its evidence, in words."),
     # Discovery
     "stage": _text('The stage, from 1; "all" for the whole graph.'),
     "term": _text("The reward term."),
@@ -194,6 +230,10 @@ TABLES: dict[str, tuple[str, ...]] = {
         "success_auc_iqm_high", "steps_to_90", "reached_90", "steps_to_90_with_discovery", "success_deterministic",
         "success_sampled", "best_success", "held_rate", "reversals_per_1000_steps", "stopped_cells",
         "p_better_than_next", "p_better_low", "p_better_high", "failed_cells", "sources", "verdict",
+    ),
+    "verdicts.csv": (
+        "hypothesis", "stated", "backend", "measure", "verdict", "difference", "low", "high", "p_value", "p_adjusted",
+        "n_a", "n_b", "seeds_missing", "seed_correlation", "paired", "detectable", "sentence",
     ),
     "timing.csv": ("cell", "state", "seconds", "env_steps", "env_steps_per_second"),
     "cells/*/progress.csv": (

@@ -31,6 +31,7 @@ class Results:
     latching: pd.DataFrame
     discovery: pd.DataFrame
     leaderboard: pd.DataFrame
+    verdicts: pd.DataFrame
     timing: pd.DataFrame
 
 
@@ -45,7 +46,7 @@ def load_results(folder: str | PathLike[str]) -> Results:
     cells = run.cells()
     if not cells:
         raise RunFolderError(f"{folder}: no cells here; give the folder that `causalbench run` wrote")
-    frames = {Path(file).stem: _frame(columns, rows) for file, (columns, rows) in tables(cells).items()}
+    frames = {Path(file).stem: _frame(columns, rows) for file, (columns, rows) in tables(cells, run.stated()).items()}
     return Results(**frames)
 
 

@@ -14,11 +14,13 @@ from causalbench.report.columns import KEYS, TABLES
 from causalbench.report.leaderboard import leaderboard
 from causalbench.report.stage_account import latching, moves, progress_account, stage_account
 from causalbench.report.stats import area_under, wilson
+from causalbench.report.verdicts import verdict_rows
 from causalbench.store.cells import StoredCell
 from causalbench.store.comparable import merged
 from causalbench.store.episodes import episode_row, return_columns
 from causalbench.store.records import Counts, write_rows
 from causalbench.store.run_folder import RunFolder
+from causalbench.store.statements import Stated
 
 Row = dict[str, Any]
 Table = tuple[Sequence[str], list[Row]]
@@ -26,12 +28,12 @@ Table = tuple[Sequence[str], list[Row]]
 
 def write_tables(run: RunFolder) -> None:
     """Write every table of `run` from its cells."""
-    for file, (columns, rows) in tables(run.cells()).items():
+    for file, (columns, rows) in tables(run.cells(), run.stated()).items():
         write_rows(run.path / file, columns, rows)
 
 
-def tables(cells: Sequence[StoredCell]) -> dict[str, Table]:
-    """File -> names of its columns and its rows: all that the cells of a run say."""
+def tables(cells: Sequence[StoredCell], stated: Sequence[Stated]) -> dict[str, Table]:
+    """File -> names of its columns and its rows: all that the cells of a run say, and what it set out to show."""
     learned = [cell for cell in cells if cell.is_done("learner")]
     results = result_rows(cells)
     rows = {
@@ -41,6 +43,7 @@ def tables(cells: Sequence[StoredCell]) -> dict[str, Table]:
         "stages.csv": [row for cell in learned for row in _stage_rows(cell)],
         **_account(learned),
         "leaderboard.csv": leaderboard(results, cells),
+        "verdicts.csv": verdict_rows(results, cells, stated),
         "timing.csv": [_timing_row(cell) for cell in cells],
     }
     edges = _discovery_table([cell for cell in cells if cell.is_done("discovery")])

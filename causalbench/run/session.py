@@ -64,6 +64,8 @@ def run_plan(
         new = [(f"this plan ({cell.id})", cell.identity) for cell in plan.cells]
         check_comparable([*((str(cell.folder), cell.identity) for cell in run.cells()), *new])
         write_text(run.path / "suite.yaml", file.source.text)
+        if file.suite.methods:
+            run.state(plan.statement)
         _skip(plan, run)
         cells = to_do(plan, run, execution.retry)
         if cells:

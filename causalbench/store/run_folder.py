@@ -29,6 +29,8 @@ from causalbench.store.cells import (
 )
 from causalbench.store.claim import claim, own_folder
 from causalbench.store.files import is_file, is_folder, read_json, validated
+from causalbench.store.statements import Stated, add_statement, read_statements
+from causalbench.suite.hypotheses import Statement
 
 ENVIRONMENT = "environment.json"
 
@@ -137,10 +139,11 @@ class RunFolder:
         found = list(self._read())
         sentences = [str(error) for error in found if isinstance(error, DamagedFileError)]
         sentences += [c.status.reason for c in found if isinstance(c, StoredCell) and c.status.state == "damaged"]
-        try:
-            self._environment()
-        except DamagedFileError as error:
-            sentences.append(f"{error}; what it said of earlier sessions is not known")
+        for read, lost in ((self._environment, "earlier sessions"), (self._statements, "hypotheses")):
+            try:
+                read()
+            except DamagedFileError as error:
+                sentences.append(f"{error}; what it said of {lost} is not known")
         return sentences
 
     def _read(self) -> Iterator[StoredCell | DamagedFileError]:
@@ -183,6 +186,20 @@ class RunFolder:
         validated(path, _Environment, content)
         sessions: list[dict[str, Any]] = content["sessions"]
         return sessions
+
+    def state(self, statement: Statement) -> None:
+        """Write down what a run sets out to show; what is stated after the first cell has started is exploratory."""
+        add_statement(self.path, statement, before_any_cell=not self._folders())
+
+    def stated(self) -> tuple[Stated, ...]:
+        """What runs in this folder set out to show; empty before the first, or if the file is damaged."""
+        try:
+            return self._statements()
+        except DamagedFileError:
+            return ()
+
+    def _statements(self) -> tuple[Stated, ...]:
+        return read_statements(self.path)
 
     def known_gaps(self) -> dict[str, dict[str, str]]:
         """Backend -> lines of the contract that it was known not to keep, with the reasons, in any session."""

@@ -15,12 +15,14 @@ from causalbench.core.discovery.registry import Discoverer
 from causalbench.core.learners.methods import Method
 from causalbench.core.tasks.stage_task import StageTask
 from causalbench.core.world.capabilities import Capability, lacking
+from causalbench.digests import canonical_json
 from causalbench.errors import SuiteError, UnknownNameError, UserError
 from causalbench.plugins.backends import Backend
 from causalbench.plugins.manager import Plugins
 from causalbench.plugins.venues import venue_of
 from causalbench.suite.cells import BackendIdentity, Cell, DiscoveryCell, LearnerCell, TaskIdentity
 from causalbench.suite.grid import Combination, combinations, layer_of
+from causalbench.suite.hypotheses import Hypothesis, Statement
 from causalbench.suite.positions import Location
 from causalbench.suite.schema import DiscoveryLayer, PerBackend, PerMethod, SuiteFile, TierBackend
 from causalbench.suite.sections import Patch
@@ -35,10 +37,11 @@ class Plan:
     """The cells of one tier, each once; a discovery cell comes before the learner cells that need it.
 
     `impossible` says of a cell's id, in a sentence, why its backend cannot run the task, or its worlds cannot do what
-    the cell asks of them: the cell will be skipped.
+    the cell asks of them: the cell will be skipped. `statement` is what the tier sets out to show.
     """
 
     cells: tuple[Cell, ...]
+    statement: Statement
     impossible: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -54,7 +57,8 @@ def make_plan(
         raise UnknownNameError("tier", tier_name, suite.tiers)
     planner = _Planner(file, tier_name, plugins)
     first = suite.first_seed
-    chosen_seeds = choose("seed", range(first, first + (seeds or planner.tier.seeds)), selection.seed)
+    all_seeds = range(first, first + (seeds or planner.tier.seeds))
+    chosen_seeds = choose("seed", all_seeds, selection.seed)
     backends = choose("backend", suite.backends_in(planner.tier), selection.backend)
     methods = [planner.method(name) for name in choose("method", suite.methods, selection.method)]
     planner.check_number(len(backends) * max(1, len(methods)) * len(chosen_seeds))
@@ -66,7 +70,9 @@ def make_plan(
             cells[cell.id] = cell
             if why := reason or planner.beyond(cell):
                 impossible[cell.id] = why
-    return Plan(tuple(sorted(cells.values(), key=lambda cell: isinstance(cell, LearnerCell))), impossible)
+    ordered = tuple(sorted(cells.values(), key=lambda cell: isinstance(cell, LearnerCell)))
+    planner.check_hypotheses(ordered)
+    return Plan(ordered, planner.statement(all_seeds), impossible)
 
 
 class _Planner:
@@ -86,6 +92,25 @@ class _Planner:
         number = of_each_combination * math.prod(map(len, grid.values()))
         if number > MAX_CELLS:
             raise self.file.source.mistake(("grid",) if grid else (), f"{number} cells; the most is {MAX_CELLS}")
+
+    def statement(self, seeds: Sequence[int]) -> Statement:
+        """What the tier sets out to show with `seeds`."""
+        backends = self.suite.backends_in(self.tier)
+        hypotheses = tuple(Hypothesis.parse(text).text for text in self.suite.hypotheses)
+        return Statement(self.suite.name, self.tier_name, hypotheses, backends, tuple(seeds))
+
+    def check_hypotheses(self, cells: Iterable[Cell]) -> None:
+        """Refuse a hypothesis about a method that `cells` have at several points of the grid. Raises `SuiteError`."""
+        points: dict[str, set[str]] = {}
+        for cell in cells:
+            if isinstance(cell, LearnerCell):
+                points.setdefault(cell.method.name, set()).add(canonical_json(cell.grid_point))
+        for index, text in enumerate(self.suite.hypotheses):
+            found = Hypothesis.parse(text)
+            for name in (found.left, found.right):
+                if len(points.get(name, ())) > 1:
+                    several = f"the grid has {name!r} at several points; a hypothesis needs one of each method"
+                    raise self.file.source.mistake(("hypotheses", index), several)
 
     def method(self, name: str) -> Method:
         """The method `name`, whose learner has all that it needs."""

@@ -14,11 +14,12 @@ from causalbench.errors import UnknownNameError
 from causalbench.formats import SuiteFormat
 from causalbench.plugins.manager import Plugins
 from causalbench.suite.grid import Grid, layer_of
+from causalbench.suite.hypotheses import Hypothesis
 from causalbench.suite.messages import as_json, explain, guess, worst
 from causalbench.suite.positions import Location, PositionedYaml, Source
 from causalbench.suite.sections import SECTIONS, Sections
 
-MAX_SEEDS, MAX_SEED, MAX_STEPS = 10_000, 10**9, 10**12
+MAX_SEEDS, MAX_SEED, MAX_STEPS, MAX_HYPOTHESES = 10_000, 10**9, 10**12, 100
 
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_-]+$")]
 Graphs = Literal["per_seed", "shared"]
@@ -75,7 +76,7 @@ class Suite(DiscoveryLayer):
 
     `first_seed` is the first of the seeds that a tier runs, the others follow. `graphs` says whether they share one
     causal graph, the first seed's, or each discovers its own, which keeps seeds independent. A suite without methods
-    asks for the graphs alone, each seed's.
+    asks for the graphs alone, each seed's. `hypotheses` are judged by a run's report before anything else.
     """
 
     version: SuiteFormat = Field(alias="schema")
@@ -84,6 +85,7 @@ class Suite(DiscoveryLayer):
     backends: tuple[str, ...] = Field(min_length=1)
     methods: tuple[str, ...]
     tiers: dict[Name, Tier] = Field(min_length=1)
+    hypotheses: tuple[str, ...] = Field(default=(), max_length=MAX_HYPOTHESES)
     first_seed: int = Field(default=0, ge=0, le=MAX_SEED)
     graphs: Graphs | None = None
     grid: Grid = {}
@@ -130,6 +132,7 @@ def check_suite(source: Source, plugins: Plugins) -> SuiteFile:
         first = worst(error)
         raise source.mistake(_in_file(first["loc"]), explain(first, _known_keys(first["loc"][:-1]))) from None
     _check_names(suite, source)
+    _check_hypotheses(suite, source)
     learners = _learners(suite, source, plugins)
     file = SuiteFile(suite, source, Sections.of(plugins, dict.fromkeys(learners.values())))
     _check_sections(file, learners)
@@ -150,6 +153,23 @@ def _check_names(suite: Suite, source: Source) -> None:
             if name not in names:
                 unknown = f"not one of this suite's: {', '.join(names)}.{guess(name, names)}"
                 raise source.mistake((f"per_{key[:-1]}", name), unknown)
+
+
+def _check_hypotheses(suite: Suite, source: Source) -> None:
+    seen: set[tuple[frozenset[str], bool]] = set()
+    for index, text in enumerate(suite.hypotheses):
+        try:
+            found = Hypothesis.parse(text)
+        except ValueError as error:
+            raise source.mistake(("hypotheses", index), str(error)) from None
+        for name in (found.left, found.right):
+            if name not in suite.methods:
+                unknown = f"{name!r} is not one of this suite's: {', '.join(suite.methods)}."
+                raise source.mistake(("hypotheses", index), unknown + guess(name, suite.methods))
+        key = frozenset((found.left, found.right)), found.within is None
+        if key in seen:
+            raise source.mistake(("hypotheses", index), f"{text!r}: these two methods are compared in a line above")
+        seen.add(key)
 
 
 def _learners(suite: Suite, source: Source, plugins: Plugins) -> dict[str, str]:

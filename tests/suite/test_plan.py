@@ -204,8 +204,9 @@ def points(cells: list[Cell]) -> list[tuple[Any, ...]]:
 
 
 def test_a_grid_runs_every_combination_of_what_reaches_a_cell(tmp_path: Path, plugins: Plugins) -> None:
-    found = plan(tmp_path, plugins, SUITE.replace("mSAC]", "mSAC, mPPO]") + GRID, seeds=1).cells
-    assert len(ids(Plan(found))) == len(found)
+    whole = plan(tmp_path, plugins, SUITE.replace("mSAC]", "mSAC, mPPO]") + GRID, seeds=1)
+    found = whole.cells
+    assert len(ids(whole)) == len(found)
     by_method = {name: [c for c in found if isinstance(c, LearnerCell) and c.method.name == name] for name in (
         "cmSAC", "cmmSAC", "mSAC", "mPPO",
     )}  # fmt: skip
@@ -399,3 +400,17 @@ def test_the_cells_of_every_tier_of_a_shipped_suite_may_stand_in_one_folder(path
     file = load_suite(path, installed())
     for tier in file.suite.tiers:
         check_comparable((cell.id, cell.identity) for cell in make_plan(file, tier, installed()).cells)
+
+
+def test_a_plan_states_the_whole_tier_whatever_is_picked_of_it(tmp_path: Path, plugins: Plugins) -> None:
+    text = SUITE + "hypotheses: [cmSAC > mSAC, cmSAC == cmmSAC within 0.10]\nfirst_seed: 5\n"
+    whole = plan(tmp_path, plugins, text).statement
+    assert whole.hypotheses == ("cmSAC > mSAC", "cmSAC == cmmSAC within 0.1")
+    assert (whole.suite, whole.tier, whole.backends, whole.seeds) == ("demo", "quick", ("kinematic",), (5, 6))
+    assert plan(tmp_path, plugins, text, only=["method=mSAC,seed=6"]).statement == whole
+    assert plan(tmp_path, plugins, text, seeds=4).statement.seeds == (5, 6, 7, 8)
+
+
+def test_a_hypothesis_needs_methods_of_one_point_of_the_grid(tmp_path: Path, plugins: Plugins) -> None:
+    with pytest.raises(SuiteError, match=r"hypotheses\.0: the grid has 'cmSAC' at several points; a hypothesis needs"):
+        plan(tmp_path, plugins, SUITE.replace("mSAC]", "mSAC, mPPO]") + "hypotheses: [cmSAC > mSAC]\n" + GRID)
