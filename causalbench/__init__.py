@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from causalbench.core.learners.settings import EvaluationSettings
     from causalbench.registration import make_env
     from causalbench.report.frames import load_results
+    from causalbench.report.html.page import write_report
 
 _HOMES = {
     "DiscoverySettings": "causalbench.core.discovery.settings",
@@ -34,6 +35,7 @@ _HOMES = {
     "load_results": "causalbench.report.frames",
     "make_env": "causalbench.registration",
     "train": "causalbench.api",
+    "write_report": "causalbench.report.html.page",
 }
 
 __all__ = [
@@ -48,6 +50,7 @@ __all__ = [
     "load_results",
     "make_env",
     "train",
+    "write_report",
 ]
 
 __getattr__ = lazy(__name__, _HOMES)

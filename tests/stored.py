@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from causalbench.core.discovery.graph import manual_graph
+from causalbench.core.discovery.graph import CausalGraph, manual_graph
 from causalbench.core.learners.records import Episode, Evaluation, TrainingCounts
 from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench.store.cells import Status
@@ -55,12 +55,15 @@ def finished(run: RunFolder, success: float = 0.5, episodes: Sequence[Episode] =
     return cell
 
 
-def discovered(run: RunFolder, **changes: Any) -> PlannedCell:
-    """A discovery cell that is done in `run`."""
+def discovered(run: RunFolder, graph: CausalGraph | None = None, oracle: str = "", **changes: Any) -> PlannedCell:
+    """A discovery cell that is done in `run`: it found `graph`, or the human's, and `oracle` is its oracle.csv."""
     cell = PlannedCell(DISCOVERY | changes)
     folder = run.start(cell)
-    for name in ("graph.json", "manual.json"):
-        (folder / name).write_text(manual_graph(TASK).to_json())
+    human = manual_graph(TASK)
+    (folder / "graph.json").write_text((graph or human).to_json())
+    (folder / "manual.json").write_text(human.to_json())
+    if oracle:
+        (folder / "oracle.csv").write_text(oracle)
     (folder / "evidence.csv").write_text("stage\n1\n")
     run.finish(cell, Status("done", "", 1.5, 100))
     return cell

@@ -23,11 +23,12 @@ def use_one_thread_each() -> None:
 
 
 def execute(plan: Plan, folder: RunFolder, file: SuiteFile, execution: Execution, quiet: bool) -> None:
-    """Run what `plan` lacks in `folder` and write its tables. Raises `typer.Exit` when it is interrupted."""
+    """Run what `plan` lacks in `folder` and write its tables and report. Raises `typer.Exit` when it is interrupted."""
     from causalbench.cli.progress import choose_view
     from causalbench.cli.terminal_tables import print_problems, progress_console
     from causalbench.plugins.manager import installed
     from causalbench.report.figures import write_run_figures
+    from causalbench.report.html.page import write_report
     from causalbench.report.tables import write_tables
     from causalbench.run.session import run_plan
 
@@ -36,6 +37,7 @@ def execute(plan: Plan, folder: RunFolder, file: SuiteFile, execution: Execution
     def report() -> None:
         write_tables(folder)
         write_run_figures(folder)
+        write_report(folder.path)
 
     print_problems([folder])
     try:

@@ -1,4 +1,4 @@
-"""Commands that read run folders: `leaderboard`, `play`, `verify`."""
+"""Commands that read run folders: `leaderboard`, `report`, `play`, `verify`."""
 
 from __future__ import annotations
 
@@ -28,6 +28,19 @@ def leaderboard(
     else:
         print_leaderboard(rows)
         print_known_gaps(folders)
+
+
+def report(
+    run: Annotated[Path, typer.Argument(help="Run folder.")],
+    out: Annotated[Path | None, typer.Option(help="Write the page here, and nothing beside it.")] = None,
+) -> None:
+    """Write report.html: one page with everything that a run says, to be opened from disk."""
+    from causalbench.cli.terminal_tables import print_problems
+    from causalbench.report.html.page import write_report
+    from causalbench.store.run_folder import RunFolder
+
+    print_problems([RunFolder(run)])
+    typer.echo(write_report(run, out))
 
 
 def play(

@@ -6,8 +6,7 @@ SVG (text stays text) and PNG, the same bytes for the same graph. matplotlib is 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 
 from causalbench.atomic import write_folder
 from causalbench.core.discovery.graph import CausalGraph, EvidenceColumn, StageGraph
+from causalbench.report.drawing import STAGE_COLOURS, save, style
 from causalbench.store.run_folder import RunFolder
 
 if TYPE_CHECKING:
@@ -24,21 +24,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.image import AxesImage
 
-STAGE_COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00")
-"""Okabe and Ito's colours, which colour-blind readers tell apart; a seventh stage starts again."""
 FRAME = "#D55E00"
 UNTESTED: dict[str, Any] = {"facecolor": "#EEEEEE", "edgecolor": "#999999", "hatch": "///", "lw": 0}
 INCH_PER_CELL = 0.62
-STYLE = {
-    "font.size": 10.0,
-    "svg.fonttype": "none",
-    "svg.hashsalt": "causalbench",
-    "figure.dpi": 100.0,
-    "savefig.dpi": 130.0,
-    "axes.titlesize": 11.0,
-    "figure.constrained_layout.w_pad": 0.12,  # inches
-    "savefig.bbox": "tight",  # whatever the length of a name, nothing is cut off
-}
 FIGURES = "figures"
 Column = tuple[StageGraph, int]
 
@@ -56,13 +44,9 @@ def write_figures(folder: Path, graph: CausalGraph, human: CausalGraph) -> None:
         drawings["evidence"] = lambda: draw_evidence(graph, main)
 
     def fill(path: Path) -> None:
-        with _style():
+        with style():
             for name, draw in drawings.items():
-                figure = draw()
-                figure.draw_without_rendering()
-                figure.set_layout_engine("none")  # laid out once, for both files
-                figure.savefig(path / f"{name}.svg", metadata={"Date": None, "Title": f"{name} {graph.hash}"})
-                figure.savefig(path / f"{name}.png", metadata={"Software": None})
+                save(draw(), path / name, f"{name} {graph.hash}")
 
     write_folder(folder, fill)
 
@@ -78,16 +62,6 @@ def write_run_figures(run: RunFolder) -> None:
     for cell in run.cells():
         if cell.is_done("discovery") and not (cell.folder / FIGURES).exists():
             write_discovery_figures(cell.folder)
-
-
-@contextmanager
-def _style() -> Iterator[None]:
-    import matplotlib
-
-    with matplotlib.rc_context():
-        matplotlib.rcdefaults()  # a user's matplotlibrc must not change our bytes
-        matplotlib.rcParams.update(STYLE)  # type: ignore[arg-type]
-        yield
 
 
 def draw_evidence(graph: CausalGraph, main: EvidenceColumn) -> Figure:

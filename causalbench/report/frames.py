@@ -13,7 +13,9 @@ import pandas as pd
 from causalbench.errors import RunFolderError
 from causalbench.report.columns import COLUMNS
 from causalbench.report.tables import tables
+from causalbench.store.cells import StoredCell
 from causalbench.store.run_folder import RunFolder
+from causalbench.store.statements import Stated
 
 
 @dataclass(frozen=True)
@@ -46,7 +48,12 @@ def load_results(folder: str | PathLike[str]) -> Results:
     cells = run.cells()
     if not cells:
         raise RunFolderError(f"{folder}: no cells here; give the folder that `causalbench run` wrote")
-    frames = {Path(file).stem: _frame(columns, rows) for file, (columns, rows) in tables(cells, run.stated()).items()}
+    return frames_of(cells, run.stated())
+
+
+def frames_of(cells: Sequence[StoredCell], stated: Sequence[Stated]) -> Results:
+    """What those of `cells` that are finished say, and what comes of what was stated."""
+    frames = {Path(file).stem: _frame(columns, rows) for file, (columns, rows) in tables(cells, stated).items()}
     return Results(**frames)
 
 

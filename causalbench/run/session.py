@@ -22,7 +22,7 @@ from causalbench.run.executors import Outcomes, processes, serial
 from causalbench.run.view import View
 from causalbench.store.cells import State, Status
 from causalbench.store.comparable import check_comparable
-from causalbench.store.run_folder import RunFolder
+from causalbench.store.run_folder import SUITE, RunFolder
 from causalbench.suite.cells import Cell, LearnerCell
 from causalbench.suite.plan import Plan
 from causalbench.suite.schema import SuiteFile
@@ -63,7 +63,7 @@ def run_plan(
     with run.claim():
         new = [(f"this plan ({cell.id})", cell.identity) for cell in plan.cells]
         check_comparable([*((str(cell.folder), cell.identity) for cell in run.cells()), *new])
-        write_text(run.path / "suite.yaml", file.source.text)
+        write_text(run.path / SUITE, file.source.text)
         if file.suite.methods:
             run.state(plan.statement)
         _skip(plan, run)

@@ -20,7 +20,7 @@ from causalbench.core.learners.records import Episode, Evaluation
 from causalbench.errors import DamagedFileError
 from causalbench.names import PATTERN
 from causalbench.store.episodes import read_episodes
-from causalbench.store.files import check_digests, digests, is_folder, read_json, validated
+from causalbench.store.files import check_digests, digests, is_file, is_folder, read_json, validated
 from causalbench.store.records import Counts, read_counts, read_effects, read_progress
 from causalbench.suite.cells import cell_id
 
@@ -165,6 +165,17 @@ class StoredCell:
     def graph(self) -> CausalGraph:
         """The graph that a finished discovery found, or that a finished learner made for itself."""
         return CausalGraph.load(self.file("graph.json"))
+
+    def human_graph(self) -> CausalGraph:
+        """The declared graph of a finished discovery's task, beside which its own is shown."""
+        return CausalGraph.load(self.file("manual.json"))
+
+    def log_tail(self, lines: int) -> str:
+        """The last `lines` of its log, whatever bytes are in it; "" without a log."""
+        path = self.folder / LOG
+        if not is_file(path):
+            return ""
+        return "\n".join(path.read_text(encoding="utf-8", errors="replace").splitlines()[-lines:])
 
     def effects(self) -> dict[tuple[int, str, str], dict[str, str]]:
         """The oracle's words on each edge of a finished discovery, see `read_effects`; empty where none was asked."""

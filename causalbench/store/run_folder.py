@@ -32,7 +32,7 @@ from causalbench.store.files import is_file, is_folder, read_json, validated
 from causalbench.store.statements import Stated, add_statement, read_statements
 from causalbench.suite.hypotheses import Statement
 
-ENVIRONMENT = "environment.json"
+ENVIRONMENT, SUITE = "environment.json", "suite.yaml"
 
 
 class Identified(Protocol):
@@ -158,6 +158,11 @@ class RunFolder:
         kinds = (self.path / kind for kind in KINDS.values())
         found = (path for kind in kinds if is_folder(kind) for path in sorted(kind.iterdir()))
         return [path for path in found if path.is_dir() and not path.name.startswith(".")]
+
+    def suite_text(self) -> str:
+        """The suite file as it was run, whatever bytes are in it; "" if there is none."""
+        path = self.path / SUITE
+        return path.read_text(encoding="utf-8", errors="replace") if is_file(path) else ""
 
     def sessions(self) -> list[dict[str, Any]]:
         """What `environment.json` says of each command that ran cells here; empty before the first, or if damaged."""

@@ -1,0 +1,78 @@
+"""The section on controls: what spoilt and perfect causes are worth, and what discovery finds where nothing is."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from causalbench.report.html.parts import Column, Note, Row, Section, Table, Value
+from causalbench.report.html.source import Source
+from causalbench.report.html.wording import column, entry, number, percent, records, text
+from causalbench.report.stats import wilson
+
+LEAD = (
+    "A benefit that stays when the causes are spoilt is no benefit of causes. Controls of learning change the causal "
+    "matrix in one thing; controls of discovery count what it selected where the oracle finds nothing."
+)
+WORDS = {
+    "shuffled": "rows of the causal actions dealt out anew",
+    "redrawn": "as many edges, elsewhere",
+    "plus1": "one further action",
+    "plus2": "two further actions",
+    "other": "as many other actions",
+}
+
+
+def section(source: Source) -> Section:
+    """Controls of learning and of discovery; what there is none of is said."""
+    blocks = [*_methods(source), *_false_edges(source)]
+    return Section("controls", "Controls", LEAD, blocks)
+
+
+def _methods(source: Source) -> list[Any]:
+    kinds = {cell.method: _kind(cell.identity["method"]) for cell in source.cells if cell.method}
+    if not any(kinds.values()):
+        return [Note("This run has no controls of learning, such as cmSAC-shuffled: suites/ablation.yaml has them.")]
+    board = source.tables.leaderboard
+    rows = [
+        Row(
+            [
+                text(row["backend"]), text(entry(row)), text(kinds[row["method"]] or "not spoilt"),
+                number(row["seeds"], 0), number(row["success_auc_iqm"]), percent(row["success_deterministic"]),
+            ],
+            "" if row["backend"] == "all" else row["backend"], row["method"],
+        )
+        for row in records(board) if row["rank"] is not None
+    ]  # fmt: skip
+    columns = [
+        Column("backend"), Column("method"), Column("its causes"), column("seeds"),
+        column("success_auc_iqm", "success AUC (IQM)"), column("success_deterministic", "final success"),
+    ]  # fmt: skip
+    return [Table("Spoilt and perfect causes", columns, rows)]
+
+
+def _kind(method: dict[str, Any]) -> str:
+    control = str(method.get("control", "none"))
+    if control != "none":
+        return WORDS.get(control, control)
+    return "the oracle's" if method.get("matrix") == "oracle" else ""
+
+
+def _false_edges(source: Source) -> list[Any]:
+    table = source.tables.discovery
+    absent = table[table["oracle_grade"] == "absent"]
+    if absent.empty:
+        return [
+            Note("No oracle was asked in this run, so false discoveries cannot be counted (discovery: oracle_states).")
+        ]
+    rows = []
+    for backend, here in absent.groupby("backend"):
+        false, n = int(here["selected"].sum()), len(here)
+        low, high = wilson(false, n)
+        share = Value(f"{100 * false / n:.1f}% [{100 * low:.1f}, {100 * high:.1f}]", false / n, (low, false / n, high))
+        rows.append(Row([text(backend), number(n, 0), number(false, 0), share], str(backend)))
+    columns = [
+        Column("backend"), Column("absent edges", "Edges of all discoveries that the oracle grades absent.", True),
+        Column("selected all the same", "", True),
+        Column("share", "With its 95% Wilson interval, as if edges were independent.", True),
+    ]  # fmt: skip
+    return [Table("False discoveries", columns, rows)]

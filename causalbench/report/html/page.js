@@ -1,0 +1,49 @@
+"use strict";
+// Sorting and filtering; without this script the page shows everything.
+
+function sortBy(table, index, ascending) {
+  const rows = [...table.tBodies[0].rows];
+  const key = (row) => row.cells[index].dataset.order;
+  const sign = ascending ? 1 : -1;
+  rows.sort((one, other) => {
+    const [a, b] = [key(one), key(other)];
+    if (a === undefined || b === undefined) return (a === undefined) - (b === undefined); // missing ones stay last
+    const [x, y] = [orderOf(a), orderOf(b)];
+    const bothNumbers = typeof x === "number" && typeof y === "number";
+    return sign * (bothNumbers ? (x > y) - (x < y) : String(a).localeCompare(String(b)));
+  });
+  table.tBodies[0].append(...rows);
+  for (const head of table.tHead.rows[0].cells) head.removeAttribute("aria-sort");
+  table.tHead.rows[0].cells[index].setAttribute("aria-sort", ascending ? "ascending" : "descending");
+}
+
+function orderOf(text) {
+  if (text === "inf") return Infinity;
+  const number = Number(text);
+  return text !== "" && !Number.isNaN(number) ? number : text;
+}
+
+function makeSortable(table) {
+  [...table.tHead.rows[0].cells].forEach((head, index) => {
+    const button = document.createElement("button");
+    button.type = "button";
+    button.append(...head.childNodes);
+    head.append(button);
+    button.addEventListener("click", () => sortBy(table, index, head.getAttribute("aria-sort") !== "ascending"));
+  });
+}
+
+function filter(form) {
+  const hidden = { backend: new Set(), method: new Set() };
+  for (const box of form.elements) if (box.type === "checkbox" && !box.checked) hidden[box.name].add(box.value);
+  for (const part of document.querySelectorAll("[data-backend], [data-method]")) {
+    const { backend, method } = part.dataset;
+    part.toggleAttribute("data-hidden", hidden.backend.has(backend) || hidden.method.has(method));
+  }
+}
+
+document.querySelectorAll("table.sortable").forEach(makeSortable);
+const form = document.getElementById("filters");
+form.hidden = !form.querySelector("input");
+form.addEventListener("change", () => filter(form));
+filter(form); // a browser may remember what was ticked
