@@ -14,8 +14,8 @@ from causalbench.report.html.wording import NOTHING, column, count, listed, numb
 from causalbench.report.judged import AREA
 
 LEAD = (
-    "What was stated before any cell ran is judged here, by exact tests over its planned seeds that keep the chance of any "
-    "wrong verdict at 5%. Every other comparison on this page is exploratory."
+    "What was stated before any cell ran is judged here, by exact tests over its planned seeds that keep the chance of "
+    "any wrong verdict at 5%. Every other comparison on this page is exploratory."
 )
 
 

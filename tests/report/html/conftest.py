@@ -15,6 +15,7 @@ from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench.report.html.source import Source, read_source
 from causalbench.store.cells import LOG, Status
 from causalbench.store.run_folder import RunFolder
+from causalbench.suite.hypotheses import Statement
 
 HOSTILE = """</script><script>boom()</script><img src=x onerror='boom()'>"'`]]>--><!--{{ 7*7 }} $x_1$ \\ & | % #"""
 """What a stranger may write into a log, a reason, a setting or a note."""
@@ -49,6 +50,8 @@ def oracle_table() -> str:
 def shown_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two methods on two backends with five seeds, discoveries, a failure, a skipped cell; tests must not change it."""
     run = RunFolder(tmp_path_factory.mktemp("shown") / "run")
+    run.path.mkdir()
+    run.state(Statement("s", "t", ("cm > m", "m == cm within 0.1"), BACKENDS, tuple(range(5))))
     episodes = [episode("1x2 2x2 1x1 2x3", final_stage=4), episode("1x4 2x2", final_stage=1, episode=1)]
     for backend in BACKENDS:
         place = {"backend": {"name": backend, "version": "1"}}

@@ -15,7 +15,7 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
-from stored import discovered
+from stored import discovered, finished
 
 import causalbench
 from causalbench.errors import RunFolderError
@@ -131,18 +131,14 @@ def test_figures_and_leaderboards_lie_beside_it(written: Path) -> None:
     assert r"\begin{tabular}" in (written.parent / "leaderboard.tex").read_text()
 
 
-def test_with_out_nothing_is_written_into_the_run(shown_run: Path, tmp_path: Path) -> None:
-    before = sorted(shown_run.rglob("*"))
-    assert write_report(shown_run, tmp_path / "page.html") == tmp_path / "page.html"
-    assert sorted(shown_run.rglob("*")) == before
-
-
-def test_damage_is_said_and_not_counted(shown_run: Path, tmp_path: Path) -> None:
-    shutil.copytree(shown_run, tmp_path / "run")
-    next((tmp_path / "run" / "cells").glob("*-cm-s0-*/progress.csv")).write_text("env_steps\n1\n")
-    text = write_report(tmp_path / "run").read_text(encoding="utf-8")
+def test_damage_is_said_and_not_counted(tmp_path: Path) -> None:
+    run = RunFolder(tmp_path)
+    for seed in range(2):
+        finished(run, seed=seed)
+    next(tmp_path.glob("cells/*-s0-*/progress.csv")).write_text("env_steps\n1\n")
+    text = write_report(tmp_path).read_text(encoding="utf-8")
     assert "its SHA-256 differs" in text
-    assert "not counted" in text
+    assert "1 cell of 2 done" in text
 
 
 def test_a_folder_of_discoveries_alone_has_a_page(tmp_path: Path) -> None:
@@ -157,12 +153,17 @@ def test_no_folder_of_a_run_is_refused(tmp_path: Path) -> None:
         write_report(tmp_path)
 
 
-def test_neither_torch_nor_an_environment_is_imported(shown_run: Path, tmp_path: Path) -> None:
+def test_with_out_nothing_is_written_into_the_run_and_nothing_heavy_is_imported(
+    shown_run: Path, tmp_path: Path
+) -> None:
+    before = sorted(shown_run.rglob("*"))
     script = (
-        "import sys; from causalbench.report.html.page import write_report; write_report(*sys.argv[1:]); "
-        "print(*{'torch', 'stable_baselines3', 'gymnasium', 'mujoco', 'pybullet', 'robosuite'} & set(sys.modules))"
+        "import sys; from causalbench.report.html.page import write_report; print(write_report(*sys.argv[1:]), "
+        "*{'torch', 'stable_baselines3', 'mujoco', 'pybullet', 'robosuite'} & set(sys.modules))"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", script, shown_run, tmp_path / "page.html"], capture_output=True, text=True, check=True
-    )
-    assert done.stdout.strip() == ""
+    page = tmp_path / "page.html"
+    command = [sys.executable, "-c", script, shown_run, page]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == str(page)
+    assert page.stat().st_size > 100_000
+    assert sorted(shown_run.rglob("*")) == before

@@ -11,8 +11,8 @@ import pytest
 import scipy.integrate
 
 from causalbench.report import stats
-from causalbench.report.html import causes, controls, curves, failures, flow, reversal
-from causalbench.report.html.parts import Matrix, Table
+from causalbench.report.html import causes, controls, curves, failures, flow, reversal, verdicts
+from causalbench.report.html.parts import Matrix, Table, Verdict
 from causalbench.report.html.source import Source
 
 
@@ -50,6 +50,15 @@ def test_from_five_seeds_on_a_curve_has_the_interval_of_its_iqm() -> None:
     assert last["success"] == pytest.approx(0.3)
     assert last["low"] == pytest.approx(low, abs=0.03)
     assert last["high"] == pytest.approx(high, abs=0.1)
+
+
+def test_hypotheses_come_first_with_their_sentences(source: Source) -> None:
+    blocks = verdicts.section(source).blocks
+    stated = [block for block in blocks if isinstance(block, Verdict)]
+    # m stands at two points of a grid on kinematic, so only physical can be judged.
+    assert [(one.backend, one.word) for one in stated][2::3] == [("physical", "better"), ("physical", "worse")]
+    assert [one.word for one in stated][:2] == ["not decided", "not decided"]
+    assert stated[2].sentence.startswith("cm is better than m on physical: a difference of +")
 
 
 def test_stages_are_added_up_over_seeds(source: Source) -> None:
