@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -14,6 +15,8 @@ from pathlib import Path
 import pytest
 
 from causalbench.core.learners.methods import METHODS
+from causalbench.store.statements import HYPOTHESES, add_statement
+from causalbench.suite.hypotheses import Statement
 
 
 @pytest.fixture
@@ -98,13 +101,34 @@ def test_plan_estimates_from_what_has_run(call: Callable, tiny_suite: Path, fini
 
 def test_leaderboard_prints_the_verdict_of_one_seed_plainly(call: Callable, finished_run: Path) -> None:
     shown = call("leaderboard", finished_run).stdout
-    assert shown.count("one seed gives no verdict") == 2
-    rows = json.loads(call("leaderboard", finished_run, "--json").stdout)
+    assert shown.count("1 seed cannot tell anything apart") == 1
+    rows = json.loads(call("leaderboard", finished_run, "--json").stdout)["leaderboard"]
     with (finished_run / "leaderboard.csv").open(newline="") as file:
         assert [row["method"] for row in csv.DictReader(file)] == [row["method"] for row in rows]
     empty = call("leaderboard", finished_run / "cells")
     assert empty.returncode == 2
     assert "no cells here; give the folder that `causalbench run` wrote" in empty.stderr
+
+
+def test_leaderboard_begins_with_the_verdicts_what_was_stated_before_first(
+    call: Callable, finished_run: Path, tmp_path: Path
+) -> None:
+    run = tmp_path / "run"
+    shutil.copytree(finished_run, run)
+    (run / HYPOTHESES).unlink()
+    for hypothesis, before in (("cmSAC > mSAC", True), ("mSAC > cmSAC", False)):
+        add_statement(run, Statement("tiny", "smoke", (hypothesis,), ("kinematic",), (0,)), before)
+    lines = call("leaderboard", run).stdout.splitlines()
+    few = "So few seeds cannot decide anything: no p-value of theirs is below 1."
+    assert lines[0].startswith("cmSAC > mSAC is not decided on kinematic: a difference of ")
+    assert lines[1].startswith("Exploratory: mSAC > cmSAC is not decided on kinematic: a difference of ")
+    assert lines[0].endswith(few)
+    assert lines[1].endswith(few)
+    assert lines[2].startswith("Leaderboard")
+    verdicts = json.loads(call("leaderboard", run, "--json").stdout)["verdicts"]
+    assert [(row["stated"], row["measure"]) for row in verdicts] == [
+        (1, "success_auc"), (0, "steps_to_90"), (0, "success_auc"), (0, "steps_to_90"),
+    ]  # fmt: skip
 
 
 def test_a_finished_run_again_does_nothing_and_prints_json(

@@ -15,17 +15,18 @@ def leaderboard(
     runs: Annotated[list[Path], typer.Argument(help="One or more run folders, ranked together.")],
     as_json: AsJson = False,
 ) -> None:
-    """Print the leaderboard of one run, or of several that can be compared."""
-    from causalbench.cli.terminal_tables import print_known_gaps, print_leaderboard, print_problems
-    from causalbench.report.tables import merged_leaderboard
+    """Print the verdicts and the leaderboard of one run, or of several that can be compared."""
+    from causalbench.cli.terminal_tables import print_hypotheses, print_known_gaps, print_leaderboard, print_problems
+    from causalbench.report.tables import merged_boards
     from causalbench.store.run_folder import RunFolder
 
     folders = [RunFolder(path) for path in runs]
     print_problems(folders)
-    rows = merged_leaderboard(folders)
+    verdicts, rows = merged_boards(folders)
     if as_json:
-        print_json(rows)
+        print_json({"verdicts": verdicts, "leaderboard": rows})
     else:
+        print_hypotheses(verdicts)
         print_leaderboard(rows)
         print_known_gaps(folders)
 

@@ -122,15 +122,16 @@ def _plan(
 
 
 def _print_run(plan: Plan, folder: RunFolder, as_json: bool) -> None:
-    from causalbench.cli.terminal_tables import print_known_gaps, print_leaderboard, print_unfinished
-    from causalbench.report.tables import merged_leaderboard
+    from causalbench.cli.terminal_tables import print_hypotheses, print_known_gaps, print_leaderboard, print_unfinished
+    from causalbench.report.tables import merged_boards
 
-    rows = merged_leaderboard([folder])
+    verdicts, rows = merged_boards([folder])
     statuses = {cell.id: folder.status(cell) for cell in plan.cells}
     if as_json:
         cells = [{"cell": name, "state": status.state, "reason": status.reason} for name, status in statuses.items()]
-        print_json({"out": str(folder.path), "cells": cells, "leaderboard": rows})
+        print_json({"out": str(folder.path), "cells": cells, "verdicts": verdicts, "leaderboard": rows})
         return
+    print_hypotheses(verdicts)
     if rows:
         print_leaderboard(rows)
     print_known_gaps([folder])

@@ -38,19 +38,29 @@ def progress_console() -> Console:
     return Console(stderr=True)
 
 
+def print_hypotheses(verdicts: Iterable[Row]) -> None:
+    """The verdicts on success areas, a sentence each: what was stated before the run comes first."""
+    areas = [row for row in verdicts if row["measure"] == "success_auc"]
+    for row in sorted(areas, key=lambda row: -row["stated"]):
+        _print(row["sentence"])
+
+
 def print_leaderboard(rows: Sequence[Row]) -> None:
-    """The leaderboard; an interval stands in brackets behind its number."""
+    """The leaderboard; the lowest and the highest seed stand in brackets behind the area."""
     columns = {
         key: name for key, name in BOARD.items() if key != "grid_point" or any(row["grid_point"] for row in rows)
     }
-    table = Table(*columns.values(), title="Leaderboard: area under the success curve", title_justify="left")
+    table = Table(
+        *columns.values(), title="Leaderboard: area under the success curve (exploratory)", title_justify="left"
+    )
     for row in rows:
         cells = {key: _text(row.get(key)) for key in BOARD} | _censored(row)
-        if row.get("success_auc_iqm_low") is not None:
-            cells["success_auc_iqm"] += f" [{row['success_auc_iqm_low']:.3f}, {row['success_auc_iqm_high']:.3f}]"
+        if row.get("success_auc_lowest") is not None:
+            cells["success_auc_iqm"] += f" [{row['success_auc_lowest']:.3f}, {row['success_auc_highest']:.3f}]"
+        if row.get("rank") not in (None, row.get("worst_rank")):
+            cells["rank"] += f"-{row['worst_rank']}"
         if row.get("p_better_than_next") is not None:
-            low, high = row["p_better_low"], row["p_better_high"]
-            cells["verdict"] += f", P(better) {row['p_better_than_next']:.2f} [{low:.2f}, {high:.2f}]"
+            cells["verdict"] += f", P(better) {row['p_better_than_next']:.2f}"
         table.add_row(*(escape(cells[key]) for key in columns))
     _print(table)
     if (most := max((row["sources"] for row in rows), default=0)) > 1:

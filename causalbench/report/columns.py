@@ -118,19 +118,25 @@ COLUMNS: dict[str, Column] = {
     "at_end": _number("", "The same bar judged at the end of the episode, a success only if it held."),
     "points": _number("percentage points", "What remembering adds: 100 (`latched` - `at_end`)."),
     # Leaderboard
-    "rank": _count("", "Place on the backend's board; methods that the seeds do not tell apart share one."),
-    "seeds": _count("seeds", "Seeds finished on every backend of the board."),
-    "success_auc_iqm": _number("", "Interquartile mean of `success_auc` over seeds and backends; what is ranked by."),
-    "success_auc_iqm_low": _number("", "Lower end of its 95% bootstrap interval; empty for fewer than five seeds."),
-    "success_auc_iqm_high": _number("", "Upper end of that interval."),
+    "rank": _count(
+        "",
+        "The best place that the seeds allow: one more than the methods shown to be better; empty while planned cells "
+        "are not finished.",
+    ),
+    "worst_rank": _count("", "The worst place that the seeds allow: all methods less those shown to be worse."),
+    "seeds": _count("seeds", "Seeds finished, in the leaderboard on every backend of the board."),
+    "success_auc_iqm": _number("", "Interquartile mean of `success_auc` over seeds, the mean of backends; the order."),
+    "success_auc_lowest": _number("", "The lowest `success_auc` of any cell of the row."),
+    "success_auc_highest": _number("", "The highest one."),
+    "tolerance": _number(
+        "", "The share of all seeds that lies between lowest and highest, with 95% confidence; empty for `all`."
+    ),
     "reached_90": _count(
         "seeds", "Cells of all backends that reached 90%; `steps_to_90` counts the others as infinity."
     ),
     "stopped_cells": _count("cells", "Cells that ended before their budget (`stop_after`)."),
     "steps_to_90_with_discovery": _number("environment steps", "`steps_to_90` and what the causal graph cost."),
     "p_better_than_next": _number("", "Probability that a seed of this method beats one of the method ranked below."),
-    "p_better_low": _number("", "Lower end of its interval, at a level corrected for all comparisons of the board."),
-    "p_better_high": _number("", "Upper end of that interval."),
     "failed_cells": _count("cells", "Cells that failed, diverged, timed out, were skipped or are damaged."),
     "sources": _count("", "Versions of the source code that made the cells of the board; above 1 it mixes code."),
     "verdict": _text(
@@ -152,7 +158,9 @@ COLUMNS: dict[str, Column] = {
     ),
     "high": _number("", "Upper end of that interval."),
     "p_value": _number(
-        "", "Two-sided p-value of the test on seeds; for `==` of two one-sided tests, if that is smaller."
+        "",
+        "Two-sided p-value: in verdicts of the test on seeds, for `==` of two one-sided tests if that is smaller; in "
+        "`agreement.csv` of rankings that have nothing to do with one another.",
     ),
     "p_adjusted": _number(
         "", "The p-value by Holm's step-down for all comparisons of the measure: at most 0.05 decides."
@@ -170,6 +178,10 @@ COLUMNS: dict[str, Column] = {
         "", "The true difference that these seeds show with a chance of 80%; empty if so few cannot show any."
     ),
     "sentence": _text("The verdict with its evidence, in words."),
+    # Whether backends agree
+    "other_backend": _text("The backend that `backend` is compared with."),
+    "methods": _count("methods", "Methods of which every planned cell is finished on both backends."),
+    "kendall_tau": _number("", "Kendall's rank correlation (tau-b) of the methods' areas on the two backends."),
     # Discovery
     "stage": _text('The stage, from 1; "all" for the whole graph.'),
     "term": _text("The reward term."),
@@ -226,15 +238,16 @@ TABLES: dict[str, tuple[str, ...]] = {
     "latching.csv": (*KEYS, "rule", "threshold", "latched", "at_end", "points"),
     "discovery.csv": (*EDGE_KEYS, *(f"oracle_{name}" for name in EFFECT), "oracle_grade"),
     "leaderboard.csv": (
-        "rank", "method", "grid_point", "backend", "seeds", "budget", "success_auc_iqm", "success_auc_iqm_low",
-        "success_auc_iqm_high", "steps_to_90", "reached_90", "steps_to_90_with_discovery", "success_deterministic",
-        "success_sampled", "best_success", "held_rate", "reversals_per_1000_steps", "stopped_cells",
-        "p_better_than_next", "p_better_low", "p_better_high", "failed_cells", "sources", "verdict",
+        "rank", "worst_rank", "method", "grid_point", "backend", "seeds", "budget", "success_auc_iqm",
+        "success_auc_lowest", "success_auc_highest", "tolerance", "steps_to_90", "reached_90",
+        "steps_to_90_with_discovery", "success_deterministic", "success_sampled", "best_success", "held_rate",
+        "reversals_per_1000_steps", "stopped_cells", "p_better_than_next", "failed_cells", "sources", "verdict",
     ),
     "verdicts.csv": (
         "hypothesis", "stated", "backend", "measure", "verdict", "difference", "low", "high", "p_value", "p_adjusted",
         "n_a", "n_b", "seeds_missing", "seed_correlation", "paired", "detectable", "sentence",
     ),
+    "agreement.csv": ("backend", "other_backend", "methods", "kendall_tau", "p_value"),
     "timing.csv": ("cell", "state", "seconds", "env_steps", "env_steps_per_second"),
     "cells/*/progress.csv": (
         "env_steps", "episodes", "success_deterministic", "success_sampled", "held_rate", "reversals_per_episode",

@@ -34,6 +34,7 @@ class Results:
     discovery: pd.DataFrame
     leaderboard: pd.DataFrame
     verdicts: pd.DataFrame
+    agreement: pd.DataFrame
     timing: pd.DataFrame
 
 

@@ -73,8 +73,8 @@ def _rows(board: pd.DataFrame) -> list[list[str]]:
 def _row(row: Mapping[Any, Any]) -> list[str]:
     method = f"{row['method']} ({row['grid_point']})" if row["grid_point"] else row["method"]
     area = _number(row["success_auc_iqm"], ".3f")
-    if row["success_auc_iqm_low"] is not None:
-        area += f" [{row['success_auc_iqm_low']:.3f}, {row['success_auc_iqm_high']:.3f}]"
+    if row["success_auc_lowest"] is not None:
+        area += f" [{row['success_auc_lowest']:.3f}, {row['success_auc_highest']:.3f}]"
     steps = [_steps(row, name) for name in ("steps_to_90", "steps_to_90_with_discovery")]
     success = _number(row["success_deterministic"], ".2f")
     return [

@@ -104,14 +104,14 @@ class Shifts:
         return float(self.sorted[needed]), float(self.sorted[-1 - needed])
 
 
-def regroup(left: Sequence[Array], right: Sequence[Array], paired: bool = False) -> Regrouped:
+def regroup(left: Sequence[Array], right: Sequence[Array], paired: bool = False, most: int = MAX_EXACT) -> Regrouped:
     """All regroupings of the strata of two methods, (..., n) and (..., m) each, alike in weight.
 
-    Beyond `MAX_EXACT` of them `DRAWS` are drawn at random, which with the observed one hold the level just as well.
+    Beyond `most` of them `DRAWS` are drawn at random, which with the observed one hold the level just as well.
     """
     sizes = tuple((a.shape[-1], b.shape[-1], paired) for a, b in zip(left, right, strict=True))
     values = [np.concatenate([a, b], axis=-1) for a, b in zip(left, right, strict=True)]
-    exact = regroupings(sizes) <= MAX_EXACT
+    exact = regroupings(sizes) <= most
     weights = [exact_weights(size) for size in sizes] if exact else drawn_weights(sizes)
     differences = [value @ weight.T for value, weight in zip(values, weights, strict=True)]
     reaches = [weight[:, :n].sum(axis=1) for weight, (n, _, _) in zip(weights, sizes, strict=True)]

@@ -10,6 +10,7 @@ import pandas as pd
 from causalbench.core.discovery.edges import edge_rows, evidence_columns
 from causalbench.core.learners.records import Evaluation
 from causalbench.errors import RunFolderError
+from causalbench.report.agreement import agreement
 from causalbench.report.columns import KEYS, TABLES
 from causalbench.report.leaderboard import leaderboard
 from causalbench.report.stage_account import latching, moves, progress_account, stage_account
@@ -20,7 +21,7 @@ from causalbench.store.comparable import merged
 from causalbench.store.episodes import episode_row, return_columns
 from causalbench.store.records import Counts, write_rows
 from causalbench.store.run_folder import RunFolder
-from causalbench.store.statements import Stated
+from causalbench.store.statements import Stated, merged_statements
 
 Row = dict[str, Any]
 Table = tuple[Sequence[str], list[Row]]
@@ -36,13 +37,15 @@ def tables(cells: Sequence[StoredCell], stated: Sequence[Stated]) -> dict[str, T
     """File -> names of its columns and its rows: all that the cells of a run say, and what it set out to show."""
     learned = [cell for cell in cells if cell.is_done("learner")]
     results = result_rows(cells)
+    board = leaderboard(results, cells, stated)
     rows = {
         "results.csv": results,
         "curves.csv": [row for cell in learned for row in _curve_rows(cell)],
         "returns.csv": [row for cell in learned for row in _return_rows(cell)],
         "stages.csv": [row for cell in learned for row in _stage_rows(cell)],
         **_account(learned),
-        "leaderboard.csv": leaderboard(results, cells),
+        "leaderboard.csv": board,
+        "agreement.csv": agreement(board),
         "verdicts.csv": verdict_rows(results, cells, stated),
         "timing.csv": [_timing_row(cell) for cell in cells],
     }
@@ -67,8 +70,8 @@ def episode_table(learned: Sequence[StoredCell]) -> Table:
     return (*TABLES["episodes.csv"], *further), rows
 
 
-def merged_leaderboard(runs: Sequence[RunFolder]) -> list[Row]:
-    """The leaderboard of all `runs` together; a cell that stands in several counts once.
+def merged_boards(runs: Sequence[RunFolder]) -> tuple[list[Row], list[Row]]:
+    """The verdicts and the leaderboard of all `runs` together; a cell that stands in several counts once.
 
     Raises `RunFolderError` for a folder without cells and as `merged` does.
     """
@@ -77,7 +80,8 @@ def merged_leaderboard(runs: Sequence[RunFolder]) -> list[Row]:
         if not cells:
             raise RunFolderError(f"{path}: no cells here; give the folder that `causalbench run` wrote")
     ordered = merged(cell for cells in found.values() for cell in cells)
-    return leaderboard(result_rows(ordered), ordered)
+    results, stated = result_rows(ordered), merged_statements(run.stated() for run in runs)
+    return verdict_rows(results, ordered, stated), leaderboard(results, ordered, stated)
 
 
 def result_rows(cells: Sequence[StoredCell]) -> list[Row]:

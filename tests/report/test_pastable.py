@@ -18,8 +18,8 @@ def board(verdict: str) -> pd.DataFrame:
     row |= {"backend": "b", "rank": 1, "method": "m", "grid_point": "", "seeds": 5, "budget": 80_000}
     row |= {
         "success_auc_iqm": 0.5,
-        "success_auc_iqm_low": 0.4,
-        "success_auc_iqm_high": 0.6,
+        "success_auc_lowest": 0.4,
+        "success_auc_highest": 0.6,
         "success_deterministic": 0.9,
     }
     return pd.DataFrame([row | {"steps_to_90": None, "steps_to_90_with_discovery": 1200.0, "verdict": verdict}])

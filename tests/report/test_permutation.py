@@ -81,11 +81,10 @@ def test_equivalence_is_two_one_sided_tests() -> None:
     assert shifts.equivalence(0.9) < 0.001 < shifts.equivalence(0.001)
 
 
-def test_regroupings_beyond_the_most_are_drawn_and_repeat(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_regroupings_beyond_the_most_are_drawn_and_repeat() -> None:
     left, right = samples(6, 6)
     exact = regroup([left], [right]).shifts()
-    monkeypatch.setattr(permutation, "MAX_EXACT", 900)
-    first, second = (regroup([left], [right]).shifts() for _ in range(2))
+    first, second = (regroup([left], [right], most=900).shifts() for _ in range(2))
     assert first.total == permutation.DRAWS + 1
     assert np.array_equal(first.sorted, second.sorted)
     assert first.two_sided() == pytest.approx(exact.two_sided(), abs=0.01)

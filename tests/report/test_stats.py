@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import scipy.stats
 from rliable import metrics
 
 from causalbench.report import stats
@@ -37,45 +38,33 @@ def test_probability_better_counts_a_tie_as_half() -> None:
 def test_point_estimates_equal_those_of_rliable() -> None:
     rng = np.random.default_rng(RNG_SEED)
     x, y = rng.random((7, 3)), rng.random((6, 3)).round(1)
-    assert stats.pooled_iqm(list(x.T)) == pytest.approx(metrics.aggregate_iqm(x))
+    for column in x.T:
+        assert stats.mean_iqm([column]) == pytest.approx(metrics.aggregate_iqm(column[:, None]))
     assert stats.mean_probability_better(list(x.T), list(y.T)) == pytest.approx(
         metrics.probability_of_improvement(x, y)
     )
 
 
-def test_a_bootstrap_repeats_and_leaves_the_global_generator_alone() -> None:
-    strata = [np.random.default_rng(RNG_SEED).random(8)]
-    before = np.random.get_state()[1].tolist()  # noqa: NPY002 - it must not have moved
-    first, second = (stats.bootstrap_interval(stats.pooled_iqm, strata) for _ in range(2))
-    assert first == second
-    assert np.random.get_state()[1].tolist() == before  # noqa: NPY002
-    assert first[0] < float(stats.pooled_iqm(strata)) < first[1]
+def test_backends_weigh_alike_whatever_their_number_of_seeds() -> None:
+    assert stats.mean_iqm([np.array([1.0] * 10), np.array([0.0])]) == 0.5
 
 
-def test_a_bootstrap_interval_covers_as_often_as_it_says() -> None:
+def test_the_interval_of_a_median_covers_it_as_often_as_it_says() -> None:
+    assert np.isnan(stats.median_interval(np.arange(5.0))).all()  # [lowest, highest] of five holds it with 0.9375
+    assert stats.median_interval(np.arange(6.0)) == (0.0, 5.0)  # with 1 - 2 / 2^6
+    assert stats.median_interval(np.arange(10.0)) == (1.0, 8.0)  # with 1 - 2 (1 + 10) / 2^10
     rng = np.random.default_rng(RNG_SEED)
-    hits = 0
-    for _ in range(200):
-        low, high = stats.bootstrap_interval(lambda s: s[0].mean(axis=-1), [rng.normal(size=20)])
-        hits += low < 0 < high
-    assert 0.88 <= hits / 200 <= 0.98  # 95%, less what a percentile bootstrap of 20 values lacks
+    for n in (6, 7, 10, 13):
+        values = rng.exponential(size=(2000, n))
+        low, high = stats.median_interval(values)
+        assert ((low < np.log(2)) & (np.log(2) < high)).mean() > 0.94
+        expected = scipy.stats.quantile_test(values[0], p=0.5).confidence_interval(0.95)
+        assert (low[0], high[0]) == (expected.low, expected.high)
 
 
-def test_holm_corrects_for_the_number_of_pairs() -> None:
-    # Every resample of A is above every one of B, so that pair is separated at any level; B and C are alike.
-    a, b = np.arange(10.0, 15.0), np.arange(5.0)
-    found = stats.compare_neighbours([[a], [b], [b]])
-    assert [c.separated for c in found] == [True, False]
-    assert (found[0].probability, found[0].bounds) == (1.0, (1.0, 1.0))
-    assert found[1].probability == 0.5
-    # A pair that its own 95% interval would separate, but not the wider one that five pairs ask for.
-    x, y = np.arange(6.0) + 2.5, np.arange(6.0)
-    alone = stats.compare_neighbours([[x], [y]])[0]
-    together = stats.compare_neighbours([[x], [y], [y], [y], [y], [y]])[0]
-    assert alone.bounds[0] > together.bounds[0]
-    assert (alone.separated, together.separated) == (True, False)
-
-
-def test_ranks_are_shared_until_a_pair_is_separated() -> None:
-    assert stats.shared_ranks([]) == [1]
-    assert stats.shared_ranks([False, True, False]) == [1, 1, 3, 3]
+def test_the_tolerance_is_the_share_that_the_range_of_so_many_holds() -> None:
+    # P(range of n holds at least a share p) = 1 - n p^(n - 1) + (n - 1) p^n.
+    for n in (2, 3, 5, 10):
+        p = stats.tolerance(n)
+        assert 1 - n * p ** (n - 1) + (n - 1) * p**n == pytest.approx(0.95)
+    assert stats.tolerance(1) == 0

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from causalbench.report import stats
 from causalbench.report.drawing import STAGE_COLOURS
 from causalbench.report.html.drawings import INK
 from causalbench.report.html.multiples import Multiples
@@ -20,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 COLUMNS = (
-    column("rank"), column("method", numeric=False), column("seeds"), column("success_auc_iqm", "success AUC (IQM)"),
+    column("rank"), column("worst_rank", "worst rank"), column("method", numeric=False), column("seeds"), column("success_auc_iqm", "success AUC (IQM)"),
     column("success_deterministic", "final success"), column("success_sampled", "sampled"),
     column("best_success", "best"), column("held_rate", "held"), column("steps_to_90", "steps to 90%"),
     column("steps_to_90_with_discovery", "with discovery"), column("reached_90", "reached 90%"),
@@ -28,9 +27,10 @@ COLUMNS = (
     column("failed_cells", "failed cells"), column("verdict", numeric=False),
 )  # fmt: skip
 LEAD = (
-    "Ranked by the area under the success curve up to the budget, the interquartile mean over seeds. Brackets and bars "
-    f"are 95% bootstrap intervals, which are given from {stats.LEAST_SEEDS} seeds on. Methods that the seeds do not "
-    "tell apart share a rank. Steps are environment steps; > means that fewer than half of the seeds got there within "
+    "Exploratory: what was stated before the run stands above. The order is that of the area under the success curve up "
+    "to the budget, the interquartile mean over seeds; brackets and bars go from the lowest seed to the highest. Ranks "
+    "are the best and the worst that exact tests of all pairs of methods allow; a method with unfinished cells has none. "
+    "Steps are environment steps; > means that fewer than half of the seeds got there within "
     "the budget."
 )
 
@@ -58,7 +58,7 @@ def _table(board: str, rows: pd.DataFrame) -> Table:
 def _row(board: str, row: dict[str, Any]) -> Row:
     failed = Value(str(row["failed_cells"]), row["failed_cells"], mark="warn" if row["failed_cells"] else "")
     values = [
-        number(row["rank"], 0), text(entry(row)), number(row["seeds"], 0), _area(row),
+        number(row["rank"], 0), number(row["worst_rank"], 0), text(entry(row)), number(row["seeds"], 0), _area(row),
         percent(row["success_deterministic"]), percent(row["success_sampled"]), percent(row["best_success"]),
         percent(row["held_rate"]), _steps(row, "steps_to_90"), _steps(row, "steps_to_90_with_discovery"),
         number(row["reached_90"], 0), number(row["reversals_per_1000_steps"], 2), failed, text(_verdict(row)),
@@ -67,11 +67,9 @@ def _row(board: str, row: dict[str, Any]) -> Row:
 
 
 def _area(row: dict[str, Any]) -> Value:
-    middle, low, high = (row[f"success_auc_iqm{end}"] for end in ("", "_low", "_high"))
+    middle, low, high = (row[f"success_auc_{end}"] for end in ("iqm", "lowest", "highest"))
     if middle is None:
         return NOTHING
-    if low is None:
-        return Value(f"{middle:.3f}", middle, (middle, middle, middle))
     return Value(f"{middle:.3f} [{low:.3f}, {high:.3f}]", middle, (low, middle, high))
 
 
@@ -84,13 +82,12 @@ def _steps(row: dict[str, Any], name: str) -> Value:
 def _verdict(row: dict[str, Any]) -> str:
     if row["p_better_than_next"] is None:
         return str(row["verdict"])
-    low, high = row["p_better_low"], row["p_better_high"]
-    return f"{row['verdict']}, P(better) {row['p_better_than_next']:.2f} [{low:.2f}, {high:.2f}]"
+    return f"{row['verdict']}, P(better) {row['p_better_than_next']:.2f}"
 
 
 @dataclass(frozen=True)
 class Seeds:
-    """Every seed of every method of a backend as a dot, the IQM as a bar with its interval."""
+    """Every seed of every method of a backend as a dot, the IQM as a bar."""
 
     title: str
     areas: dict[str, list[float]]
@@ -112,8 +109,6 @@ class Seeds:
             ax.plot(areas, [y] * len(areas), "o", mfc="none", mec=STAGE_COLOURS[0], ms=5, mew=1.1)
             row = self.board[name]
             ax.plot([row["success_auc_iqm"]] * 2, [y - 0.33, y + 0.33], color=INK, lw=2)
-            if row["success_auc_iqm_low"] is not None:
-                ax.plot([row["success_auc_iqm_low"], row["success_auc_iqm_high"]], [y, y], color=INK, lw=1.5)
         ax.set_yticks(range(len(self.areas)), list(self.areas))
         ax.set(xlim=(-0.02, 1.02), ylim=(len(self.areas) - 0.4, -0.6), xlabel="area under the success curve")
 
@@ -121,7 +116,7 @@ class Seeds:
 def multiples(source: Source) -> Iterator[Multiples]:
     """One panel per backend."""
     for backend, here in source.tables.results.groupby("backend"):
-        board = source.tables.leaderboard.query("backend == @backend and not rank.isna()")
+        board = source.tables.leaderboard.query("backend == @backend and not success_auc_iqm.isna()")
         by_name = {entry(row): row for row in records(board)}
         found: dict[str, list[float]] = {entry(row): [] for row in by_name.values()}
         for row in records(here):
@@ -136,5 +131,5 @@ def multiples(source: Source) -> Iterator[Multiples]:
             alts=[f"Area under the success curve of every seed on {backend}: {alt}."],
             methods=[""],
             data=here[["backend", "method", "grid_point", "seed", "success_auc"]],
-            note="Rings are seeds; the bar is their interquartile mean with its interval.",
+            note="Rings are seeds; the bar is their interquartile mean.",
         )

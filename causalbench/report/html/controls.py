@@ -41,7 +41,7 @@ def _methods(source: Source) -> list[Any]:
             ],
             "" if row["backend"] == "all" else row["backend"], row["method"],
         )
-        for row in records(board) if row["rank"] is not None
+        for row in records(board) if row["budget"] is not None
     ]  # fmt: skip
     columns = [
         Column("backend"), Column("method"), Column("its causes"), column("seeds"),
