@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 COLUMNS = (
-    column("rank"), column("worst_rank", "worst rank"), column("method", numeric=False), column("seeds"), column("success_auc_iqm", "success AUC (IQM)"),
+    column("rank"), column("worst_rank", "worst rank"), column("method", numeric=False),
+    column("seeds"), column("success_auc_iqm", "success AUC (IQM)"),
     column("success_deterministic", "final success"), column("success_sampled", "sampled"),
     column("best_success", "best"), column("held_rate", "held"), column("steps_to_90", "steps to 90%"),
     column("steps_to_90_with_discovery", "with discovery"), column("reached_90", "reached 90%"),
@@ -27,11 +28,10 @@ COLUMNS = (
     column("failed_cells", "failed cells"), column("verdict", numeric=False),
 )  # fmt: skip
 LEAD = (
-    "Exploratory: what was stated before the run stands above. The order is that of the area under the success curve up "
-    "to the budget, the interquartile mean over seeds; brackets and bars go from the lowest seed to the highest. Ranks "
-    "are the best and the worst that exact tests of all pairs of methods allow; a method with unfinished cells has none. "
-    "Steps are environment steps; > means that fewer than half of the seeds got there within "
-    "the budget."
+    "Exploratory: what was stated before the run stands above. The order is that of the area under the success curve "
+    "up to the budget, the interquartile mean over seeds; brackets and bars go from the lowest seed to the highest. "
+    "Ranks are the best and the worst that exact tests of all pairs of methods allow; a method with unfinished cells "
+    "has none. Steps are environment steps; > means that fewer than half of the seeds got there within the budget."
 )
 
 

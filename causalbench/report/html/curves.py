@@ -131,10 +131,10 @@ def _alt(panel: Curve, backend: str, kind: str) -> str:
 
 
 HOW = (
-    "Line: median of the seeds' deterministic success over full episodes from stage 1. Dark band: its exact 95% interval "
-    "at each step, which six seeds are needed for. Light band: from the worst seed to the best, which holds a share of "
-    "all seeds with 95% confidence: 34% for five seeds, 61% for ten. Grey: the other methods. A run that stopped early "
-    "goes on at its last value."
+    "Line: median of the seeds' deterministic success over full episodes from stage 1. Dark band: its exact 95% "
+    "interval at each step, which six seeds are needed for. Light band: from the worst seed to the best, which holds a "
+    "share of all seeds with 95% confidence: 34% for five seeds, 61% for ten. Grey: the other methods. A run that "
+    "stopped early goes on at its last value."
 )
 
 
