@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 from stored import LEARNER, PlannedCell, discovered, episode, finished
 
+import causalbench
 from causalbench.core.discovery.graph import CausalGraph, EvidenceColumn, manual_graph
 from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench.report.html.source import Source, read_source
@@ -70,6 +72,14 @@ def shown_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     run.add_session({"command": ["causalbench", HOSTILE], "cpu": HOSTILE, "known_gaps": {"physical": {"S9": HOSTILE}}})
     (run.path / "suite.yaml").write_text(json.dumps(HOSTILE))
     return run.path
+
+
+@pytest.fixture(scope="session")
+def written(shown_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The report of a copy of the run."""
+    folder = tmp_path_factory.mktemp("written") / "run"
+    shutil.copytree(shown_run, folder)
+    return causalbench.write_report(folder)
 
 
 @pytest.fixture(scope="session")

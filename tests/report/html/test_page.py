@@ -8,7 +8,6 @@ import hashlib
 import html.parser
 import io
 import re
-import shutil
 import subprocess
 import sys
 from collections import Counter
@@ -17,7 +16,6 @@ from pathlib import Path
 import pytest
 from stored import discovered, finished
 
-import causalbench
 from causalbench.errors import RunFolderError
 from causalbench.report.html.page import SECTIONS, write_report
 from causalbench.store.run_folder import RunFolder
@@ -48,14 +46,6 @@ class Reader(html.parser.HTMLParser):
 
     def handle_data(self, data):
         self.text += data
-
-
-@pytest.fixture(scope="module")
-def written(shown_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The report of a copy of the run."""
-    folder = tmp_path_factory.mktemp("written") / "run"
-    shutil.copytree(shown_run, folder)
-    return causalbench.write_report(folder)
 
 
 @pytest.fixture(scope="module")
