@@ -11,18 +11,17 @@ import pandas as pd
 from causalbench.report.drawing import STAGE_COLOURS
 from causalbench.report.html.drawings import INK
 from causalbench.report.html.multiples import Multiples
-from causalbench.report.html.parts import Download, Note, Row, Section, Table, Value
+from causalbench.report.html.parts import Download, Fold, Note, Row, Section, Table, Value
 from causalbench.report.html.source import Source
-from causalbench.report.html.wording import NOTHING, column, entry, number, percent, records, text
+from causalbench.report.html.wording import NOTHING, column, entry, listed, number, percent, records, text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 COLUMNS = (
-    column("rank"), column("worst_rank", "worst rank"), column("method", numeric=False),
-    column("seeds"), column("success_auc_iqm", "success AUC (IQM)"),
-    column("success_deterministic", "final success"), column("success_sampled", "sampled"),
-    column("best_success", "best"), column("held_rate", "held"), column("steps_to_90", "steps to 90%"),
+    column("rank"), column("worst_rank", "worst rank"), column("method", numeric=False), column("seeds"),
+    column("success_auc_iqm", "success AUC (IQM)"), column("success_deterministic", "final success"),
+    column("success_sampled", "sampled"), column("held_rate", "held"), column("steps_to_90", "steps to 90%"),
     column("steps_to_90_with_discovery", "with discovery"), column("reached_90", "reached 90%"),
     column("reversals_per_1000_steps", "reversals per 1,000 training steps"),
     column("failed_cells", "failed cells"), column("verdict", numeric=False),
@@ -40,27 +39,50 @@ def section(source: Source) -> Section:
     board = source.tables.leaderboard
     if board.empty:
         return Section("leaderboard", "Leaderboard", "", [Note("This run trains nothing: it has no leaderboard.")])
-    blocks: list[Any] = [_table(str(name), rows) for name, rows in board.groupby("backend", sort=False)]
-    if (mixed := board[board["sources"] > 1]["backend"].unique()).size:
-        text = (
-            f"The cells of {', '.join(mixed)} were made by several versions of the source code; results.csv says which."
-        )
-        blocks.insert(0, Note(text, "warn"))
+    tables = [_table(str(name), rows) for name, rows in board.groupby("backend", sort=False)]
+    blocks: list[Any] = [*_mixed(board), *tables[:1], *_agreement(source)]
+    blocks += [Fold("Each backend by itself", tables[1:])] if len(tables) > 2 else tables[1:]
     blocks += [found.block() for found in multiples(source)]
     return Section("leaderboard", "Leaderboard", LEAD, blocks)
 
 
+def _mixed(board: pd.DataFrame) -> list[Note]:
+    mixed = board[board["sources"] > 1]["backend"].unique()
+    told = f"The cells of {listed(mixed)} were made by several versions of the source code; results.csv says which."
+    return [Note(told, "warn")] if mixed.size else []
+
+
+def _agreement(source: Source) -> list[Table]:
+    """Whether the backends rank the methods alike."""
+    rows = [
+        Row(
+            [
+                text(row["backend"]), text(row["other_backend"]), number(row["methods"], 0),
+                number(row["kendall_tau"], 2), number(row["p_value"], 3),
+            ],
+            row["backend"],
+        )
+        for row in records(source.tables.agreement)
+    ]  # fmt: skip
+    columns = [
+        column("backend", numeric=False), column("other_backend", "other", numeric=False), column("methods"),
+        column("kendall_tau", "Kendall's tau"), column("p_value", "p"),
+    ]  # fmt: skip
+    return [Table("Whether backends rank methods alike", columns, rows)] if rows else []
+
+
 def _table(board: str, rows: pd.DataFrame) -> Table:
     title = "All backends together" if board == "all" else board
-    return Table(title, COLUMNS, [_row(board, row) for row in records(rows)], Download.csv("leaderboard.csv", rows))
+    found = [_row(board, row) for row in records(rows)]
+    return Table(title, COLUMNS, found, Download.csv(f"leaderboard-{board}.csv", rows)).without_empty_columns()
 
 
 def _row(board: str, row: dict[str, Any]) -> Row:
     failed = Value(str(row["failed_cells"]), row["failed_cells"], mark="warn" if row["failed_cells"] else "")
     values = [
         number(row["rank"], 0), number(row["worst_rank"], 0), text(entry(row)), number(row["seeds"], 0), _area(row),
-        percent(row["success_deterministic"]), percent(row["success_sampled"]), percent(row["best_success"]),
-        percent(row["held_rate"]), _steps(row, "steps_to_90"), _steps(row, "steps_to_90_with_discovery"),
+        percent(row["success_deterministic"]), percent(row["success_sampled"]),
+        percent(row["held_rate"]), steps(row, "steps_to_90"), steps(row, "steps_to_90_with_discovery"),
         number(row["reached_90"], 0), number(row["reversals_per_1000_steps"], 2), failed, text(_verdict(row)),
     ]  # fmt: skip
     return Row(values, "" if board == "all" else board, row["method"])
@@ -73,7 +95,8 @@ def _area(row: dict[str, Any]) -> Value:
     return Value(f"{middle:.3f} [{low:.3f}, {high:.3f}]", middle, (low, middle, high))
 
 
-def _steps(row: dict[str, Any], name: str) -> Value:
+def steps(row: dict[str, Any], name: str) -> Value:
+    """Steps to 90% success; beyond the budget where that was not reached."""
     if row[name] is None and row["budget"] is not None:
         return Value(f">{number(row['budget'], 0).text}", float("inf"))
     return number(row[name], 0)
@@ -121,10 +144,10 @@ def multiples(source: Source) -> Iterator[Multiples]:
         found: dict[str, list[float]] = {entry(row): [] for row in by_name.values()}
         for row in records(here):
             found[entry(row)].append(row["success_auc"])
-        panel = Seeds(str(backend), found, by_name)
+        panel = Seeds(f"Every seed on {backend}", found, by_name)
         alt = "; ".join(f"{name} {', '.join(f'{area:.2f}' for area in areas)}" for name, areas in found.items())
         yield Multiples(
-            name=f"leaderboard-{backend}",
+            name=f"seeds-{backend}",
             title=f"Every seed on {backend}",
             backend=str(backend),
             panels=[panel],

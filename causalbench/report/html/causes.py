@@ -160,13 +160,18 @@ def _differences(edges: pd.DataFrame, group: Group, cells: Sequence[StoredCell])
     said = [f"discovered and not declared: {listed(added)}"] if added else []
     said += [f"declared and not discovered: {listed(missing)}"] if missing else []
     where = name_of(group)
+    exact = sum(_same(cell) for cell in cells)
+    each = f" Of {count(len(cells), 'discovery', 'discoveries')}, {exact} equal it edge by edge."
     notes = [
         Note(
-            f"{where} differs from the human's graph in {len(differing)} of {len(rows)} edges; " + "; ".join(said) + "."
+            f"{where} differs from the human's graph in {len(differing)} of {len(rows)} edges; "
+            + "; ".join(said)
+            + "."
+            + each
         )
     ]
     if not differing:
-        notes = [Note(f"{where}: discovered and declared causes are the same, all {len(rows)} edges.")]
+        notes = [Note(f"{where}: discovered and declared causes are the same, all {len(rows)} edges.{each}")]
     told = [
         f"Seed {cell.seed}, stage {stage.stage}: {note}."
         for cell in cells
@@ -175,6 +180,12 @@ def _differences(edges: pd.DataFrame, group: Group, cells: Sequence[StoredCell])
     ]
     title = f"{count(len(told), 'reservation')} of the discovery itself, {where}"
     return [*notes, *([Fold(title, [Note(sentence) for sentence in told])] if told else [])]
+
+
+def _same(cell: StoredCell) -> bool:
+    """Whether a discovery is the human's graph."""
+    pairs = zip(cell.graph().stages, cell.human_graph().stages, strict=True)
+    return all(bool((found.matrix == human.matrix).all()) for found, human in pairs)
 
 
 def _edge(row: dict[str, Any]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from causalbench.report.html.parts import Column, Note, Row, Section, Table, Value
@@ -19,7 +20,12 @@ WORDS = {
     "plus1": "one further action",
     "plus2": "two further actions",
     "other": "as many other actions",
+    "none": "no causes",
+    "manual": "a human's",
+    "discovered": "discovered",
+    "oracle": "the oracle's",
 }
+"""A control of a method, or where its causes come from -> words."""
 
 
 def section(source: Source) -> Section:
@@ -29,14 +35,15 @@ def section(source: Source) -> Section:
 
 
 def _methods(source: Source) -> list[Any]:
-    kinds = {cell.method: _kind(cell.identity["method"]) for cell in source.cells if cell.method}
-    if not any(kinds.values()):
+    methods = {cell.method: cell.identity["method"] for cell in source.cells if cell.method}
+    if not any(_is_control(method) for method in methods.values()):
         return [Note("This run has no controls of learning, such as cmSAC-shuffled: suites/ablation.yaml has them.")]
+    kinds = {name: _kind(method) for name, method in methods.items()}
     board = source.tables.leaderboard
     rows = [
         Row(
             [
-                text(row["backend"]), text(entry(row)), text(kinds[row["method"]] or "not spoilt"),
+                text(row["backend"]), text(entry(row)), text(kinds[row["method"]]),
                 number(row["seeds"], 0), number(row["success_auc_iqm"]), percent(row["success_deterministic"]),
             ],
             "" if row["backend"] == "all" else row["backend"], row["method"],
@@ -50,11 +57,14 @@ def _methods(source: Source) -> list[Any]:
     return [Table("Spoilt and perfect causes", columns, rows)]
 
 
-def _kind(method: dict[str, Any]) -> str:
-    control = str(method.get("control", "none"))
-    if control != "none":
-        return WORDS.get(control, control)
-    return "the oracle's" if method.get("matrix") == "oracle" else ""
+def _is_control(method: Mapping[str, Any]) -> bool:
+    return method.get("control", "none") != "none" or method.get("matrix") == "oracle"
+
+
+def _kind(method: Mapping[str, Any]) -> str:
+    control, matrix = (str(method.get(key, "none")) for key in ("control", "matrix"))
+    word = matrix if control == "none" else control
+    return WORDS.get(word, word)
 
 
 def _false_edges(source: Source) -> list[Any]:

@@ -11,6 +11,7 @@ import pandas as pd
 
 from causalbench.report import stats
 from causalbench.report.drawing import STAGE_COLOURS
+from causalbench.report.html.board import steps
 from causalbench.report.html.drawings import INK, LEFT, SIZE
 from causalbench.report.html.multiples import Multiples
 from causalbench.report.html.parts import Note, Row, Section, Table
@@ -118,8 +119,18 @@ def multiples(source: Source, with_discovery: bool) -> Iterator[Multiples]:
             alts=[_alt(panel, str(backend), kind) for panel in panels],
             methods=[str(panel.own["method"].iloc[0]) for panel in panels],
             data=here,
-            keys={"median of the seeds": LINE, "other methods": "gray"},
+            keys=_keys(panels),
         )
+
+
+def _keys(panels: list[Curve]) -> dict[str, str]:
+    """What line and bands are, those that are there."""
+    keys = {"median of the seeds": LINE}
+    if any(panel.own["low"].notna().any() for panel in panels):
+        keys["its 95% interval"] = f"{LINE}73"
+    if any((panel.own["seeds"] > 1).any() for panel in panels):
+        keys["from the worst seed to the best"] = f"{LINE}29"
+    return keys | ({"other methods": "gray"} if len(panels) > 1 else {})
 
 
 def _alt(panel: Curve, backend: str, kind: str) -> str:
@@ -164,7 +175,7 @@ def _price(source: Source) -> Table:
         Row(
             [
                 text(row["backend"]), text(entry(row)), number(row["budget"], 0), number(row["reached_90"], 0),
-                number(row["steps_to_90"], 0), number(row["steps_to_90_with_discovery"], 0),
+                steps(row, "steps_to_90"), steps(row, "steps_to_90_with_discovery"),
             ],
             row["backend"], row["method"],
         )

@@ -12,6 +12,8 @@ from causalbench.report.drawing import save, style
 from causalbench.report.html.drawings import STYLE, Panel, inline, together
 from causalbench.report.html.parts import Download, Picture, Pictures
 
+REM_PER_INCH = 7.5
+
 
 @dataclass(frozen=True)
 class Multiples:
@@ -30,7 +32,14 @@ class Multiples:
     def block(self) -> Pictures:
         """The panels for the page."""
         pictures = [
-            Picture(inline(panel, f"{self.name}-{i}", alt), alt, panel.title, self.backend, method)
+            Picture(
+                inline(panel, f"{self.name}-{i}", alt),
+                alt,
+                panel.title,
+                self.backend,
+                method,
+                width=REM_PER_INCH * panel.size[0],
+            )
             for i, (panel, alt, method) in enumerate(zip(self.panels, self.alts, self.methods, strict=True))
         ]
         csv = Download.csv(f"{self.name}.csv", self.data)

@@ -112,7 +112,9 @@ def facts(source: Source) -> list[Fact]:
         found.append(Fact(f"Budget: {listed(f'{budget:,}' for budget in sorted(set(results['budget'])))} steps"))
     done = sum(cell.status.state == "done" for cell in source.cells)
     missing = len(source.cells) - done
-    found.append(Fact(f"{count(done, 'cell')} of {len(source.cells)} done", "warn" if missing else "good"))
+    found.append(Fact(f"{done} of {count(len(source.cells), 'started cell')} done", "warn" if missing else "good"))
+    if (source.tables.leaderboard["sources"] > 1).any():
+        found.append(Fact("Several versions of the code", "warn"))
     if source.problems:
         found.append(Fact(f"{count(len(source.problems), 'damaged file')} not counted", "warn"))
     if "kinematic" in source.backends:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 import pandas as pd
@@ -67,10 +67,16 @@ class Table:
     rows: Sequence[Row]
     csv: Download | None = None
 
+    def without_empty_columns(self) -> Table:
+        """The table without columns of which no row says anything."""
+        kept = [i for i in range(len(self.columns)) if any(row.values[i].order is not None for row in self.rows)]
+        rows = [replace(row, values=[row.values[i] for i in kept]) for row in self.rows]
+        return replace(self, columns=[self.columns[i] for i in kept], rows=rows)
+
 
 @dataclass(frozen=True)
 class Picture:
-    """An SVG that says in `alt` what is to be seen in it; `paper` if its colours need a white ground."""
+    """An SVG that says in `alt` what is to be seen in it, up to `width` rem wide; `paper` if on white ground."""
 
     svg: Markup
     alt: str
@@ -78,6 +84,7 @@ class Picture:
     backend: str = ""
     method: str = ""
     paper: bool = False
+    width: float = 52.0
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,8 @@ NAMED = [Column("backend"), Column("method")]
 LEAD = (
     "Deterministic episodes of each policy's final evaluation. A stage is reached when the episode is in it or beyond "
     "it; it is held if the episode never falls below it again. Benchmarks that remember a stage once it was reached "
-    "cannot see the rest. Episodes of all seeds are pooled; the range beside a share is that of single seeds."
+    "cannot see the rest. A success is held if it stood the task's own test, such as lift and "
+    "hold. Episodes of all seeds are pooled; the range beside a share is that of single seeds."
 )
 
 

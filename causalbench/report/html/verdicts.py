@@ -10,7 +10,7 @@ import pandas as pd
 from causalbench.report.columns import COLUMNS
 from causalbench.report.html.parts import Column, Download, Fold, Note, Row, Section, Table, Value, Verdict
 from causalbench.report.html.source import Source
-from causalbench.report.html.wording import NOTHING, column, count, listed, number, records, text
+from causalbench.report.html.wording import NOTHING, column, listed, number, records, text
 from causalbench.report.judged import AREA
 
 LEAD = (
@@ -23,20 +23,28 @@ def section(source: Source) -> Section:
     """A sentence per hypothesis, then the numbers behind them."""
     table = source.tables.verdicts
     if table.empty:
-        note = Note("This suite states no hypotheses: nothing on this page was singled out before the run.")
+        note = Note("No hypotheses stand in this run folder: nothing on this page was singled out before the run.")
         return Section("verdicts", "Verdicts", LEAD, [note])
-    first = table[(table["stated"] == 1) & (table["measure"] == AREA)]
-    blocks: list[Any] = [_verdict(row) for row in records(first)]
-    if first.empty:
-        blocks = [
-            Note("No hypothesis was stated before the first cell of this folder ran: all are exploratory.", "warn")
-        ]
-    rest = table.drop(first.index)
-    later = [_verdict(row) for row in records(rest[rest["measure"] == AREA])]
-    blocks += [Fold(f"{count(len(later), 'exploratory verdict')}, stated after cells had run", later)] if later else []
-    steps = [_verdict(row) for row in records(rest[rest["measure"] != AREA])]
-    blocks += [Fold(f"{count(len(steps), 'verdict')} by a secondary measure, steps to 90%", steps)] if steps else []
+    areas, stated = table["measure"] == AREA, table["stated"] == 1
+    blocks: list[Any] = _hypotheses(table[areas & stated])
+    if not blocks:
+        blocks = [Note("Nothing was stated before the first cell of this folder ran: all is exploratory.", "warn")]
+    later, steps = _hypotheses(table[areas & ~stated]), _hypotheses(table[~areas])
+    blocks += [Fold("Exploratory: stated after cells had run", later)] if later else []
+    blocks += [Fold("The same by a secondary measure, steps to 90%", steps)] if steps else []
     return Section("verdicts", "Verdicts", LEAD, [*blocks, _numbers(table), *_statements(source)])
+
+
+def _hypotheses(table: pd.DataFrame) -> list[Any]:
+    """A verdict per hypothesis, on all backends together if there are several, and below it those of each."""
+    blocks: list[Any] = []
+    for _, rows in table.groupby("hypothesis", sort=False):
+        first, *each = records(rows)
+        blocks.append(_verdict(first))
+        if each:
+            words = listed(f"{row['backend']} {row['verdict']}" for row in each)
+            blocks.append(Fold(f"By backend: {words}", [_verdict(row) for row in each]))
+    return blocks
 
 
 def _verdict(row: dict[str, Any]) -> Verdict:

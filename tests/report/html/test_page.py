@@ -113,9 +113,7 @@ def test_the_data_of_a_figure_is_a_link_away(read: Reader) -> None:
 
 def test_figures_and_leaderboards_lie_beside_it(written: Path) -> None:
     found = {path.name for path in (written.parent / "figures").iterdir()}
-    names = {
-        f"{kind}-{backend}" for kind in ("leaderboard", "curves", "stages") for backend in ("kinematic", "physical")
-    }
+    names = {f"{kind}-{backend}" for kind in ("seeds", "curves", "stages") for backend in ("kinematic", "physical")}
     assert found == {f"{name}.{kind}" for name in names for kind in ("svg", "png")}
     assert (written.parent / "leaderboard.md").read_text().startswith("| backend | rank |")
     assert r"\begin{tabular}" in (written.parent / "leaderboard.tex").read_text()
@@ -128,7 +126,7 @@ def test_damage_is_said_and_not_counted(tmp_path: Path) -> None:
     next(tmp_path.glob("cells/*-s0-*/progress.csv")).write_text("env_steps\n1\n")
     text = write_report(tmp_path).read_text(encoding="utf-8")
     assert "its SHA-256 differs" in text
-    assert "1 cell of 2 done" in text
+    assert "1 of 2 started cells done" in text
 
 
 def test_a_folder_of_discoveries_alone_has_a_page(tmp_path: Path) -> None:
