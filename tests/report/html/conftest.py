@@ -65,7 +65,8 @@ def shown_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
             discovered(run, found_graph() if seed else None, oracle_table(), seed=seed, **place)
     gridded = {"method": {"name": "m", "learner": "SAC"}, "grid_point": {"learner.note": HOSTILE}}
     finished(run, 0.3, episodes, **gridded, backend={"name": "kinematic", "version": "1"})
-    failing = PlannedCell(LEARNER | {"seed": 7, "backend": {"name": "physical", "version": "1"}})
+    unlucky = {"method": {"name": "unlucky", "learner": "SAC"}, "backend": {"name": "physical", "version": "1"}}
+    failing = PlannedCell(LEARNER | unlucky)
     (run.start(failing) / LOG).write_text(f"before\n{HOSTILE}\n")
     run.finish(failing, Status("failed", f"ended with {HOSTILE}"))
     run.finish(PlannedCell(LEARNER | {"seed": 8}), Status("skipped", "the robot does not drive"))
