@@ -17,9 +17,9 @@ class UserError(CausalbenchError):
 class UnknownNameError(UserError):
     """Raised when the user names a backend, task, method or tier that does not exist."""
 
-    def __init__(self, kind: str, name: str, known: Iterable[str], hint: str = "") -> None:
+    def __init__(self, kind: str, name: object, known: Iterable[str], hint: str = "") -> None:
         known = sorted(known)
-        close = difflib.get_close_matches(name, known, n=1)
+        close = difflib.get_close_matches(str(name), known, n=1)
         guess = f" Did you mean {close[0]!r}?" if close else ""
         super().__init__(f"unknown {kind} {name!r}.{guess} Known: {', '.join(known) or 'none'}. {hint}".rstrip())
 
@@ -34,6 +34,10 @@ class BackendLoadError(UserError):
 
 class InvalidActionError(CausalbenchError, ValueError):
     """Raised when an action has the wrong shape, is not finite, or lies outside [-1, 1]."""
+
+
+class InvalidObservationError(UserError, ValueError):
+    """Raised when a policy is given an observation that lacks an entry, or one with another shape or no numbers."""
 
 
 class UnreachableLayoutError(CausalbenchError):

@@ -33,7 +33,13 @@ def make_env(
 
     plugins = installed()
     chosen = plugins.task(task)
-    make_worlds = worlds_maker(plugins.backend(backend or venue_of(chosen).home), chosen, backend_options)
+    make_worlds = worlds_maker(
+        plugins.backend(venue_of(chosen).home if backend is None else backend), chosen, backend_options
+    )
     env = StageTaskEnv(make_worlds(), render_mode, observe_gripper, observe, features)
     env.make_worlds = make_worlds
     return env
+
+
+# So `gymnasium.make` knows which modes there are, and adds its own "human" and "rgb_array_list" to them.
+make_env.metadata = {"render_modes": ["rgb_array"]}  # type: ignore[attr-defined]

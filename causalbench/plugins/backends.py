@@ -72,14 +72,31 @@ class Backend:
 
 
 def bound(make: Callable[..., Any], options: Mapping[str, Any], what: str) -> Callable[[], Any]:
-    """`make` with `options`. Raises a `UserError`, which begins with `what` and says what exists, for others."""
-    signature = inspect.signature(make)
+    """`make` with `options`. Raises a `UserError`, which begins with `what` and says what exists, for others.
+
+    An option whose default is a boolean, a number or a text takes another of that kind.
+    """
+    parameters = inspect.signature(make).parameters
+    known = ", ".join(str(p.replace(annotation=p.empty)) for p in parameters.values()) or "none"
     try:
-        signature.bind(**options)
+        inspect.signature(make).bind(**options)
     except TypeError as error:
-        known = ", ".join(str(p.replace(annotation=p.empty)) for p in signature.parameters.values()) or "none"
         raise UserError(f"{what}: {error}; it takes {known}") from error
+    for name, value in options.items():
+        if name in parameters and not _is_like(value, parameters[name].default):
+            kind = _KINDS[type(parameters[name].default)]
+            raise UserError(f"{what}: {name}={value!r} is no {kind}; it takes {known}")
     return functools.partial(make, **options)
+
+
+def _is_like(value: Any, default: Any) -> bool:
+    """Whether `value` is of the kind of `default`; anything is where that is of no plain kind."""
+    if type(default) not in _KINDS:
+        return True
+    return type(value) is type(default) or (type(default) is float and type(value) is int)
+
+
+_KINDS = {bool: "boolean", int: "whole number", float: "number", str: "text"}
 
 
 def missing_modules(modules: Iterable[str]) -> list[str]:

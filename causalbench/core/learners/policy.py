@@ -6,6 +6,7 @@ import hashlib
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
@@ -18,6 +19,7 @@ from torch import Tensor
 
 from causalbench import formats
 from causalbench.atomic import write_json
+from causalbench.core.learners.observations import checked_observation
 from causalbench.core.networks.encoder import Encoder
 from causalbench.core.networks.gaussian import gaussian_actor
 from causalbench.core.networks.squashed_gaussian import squashed_actor, squashed_sample
@@ -59,16 +61,18 @@ class ObservationScale:
         """How many numbers the networks take."""
         return len(self.low) + len(self.features) + self.sectors + Encoder(self.sensor).n_sensed
 
+    @cached_property
+    def beside(self) -> dict[str, int]:
+        """How many numbers each entry of an observation has that is read beside `state` and `gripper`."""
+        sizes = {"features": len(self.features), "sectors": self.sectors, self.sensor: Encoder(self.sensor).n_sensed}
+        return {name: size for name, size in sizes.items() if size}
+
     def __call__(self, obs: dict[str, Any]) -> Tensor:
         """(n, n_inputs) float32 network input; `obs` in batches. The networks do not read `stage`."""
         parts = [obs["state"], obs["gripper"]] if len(self.low) > obs["state"].shape[-1] else [obs["state"]]
         low, high = np.array(self.low, dtype=np.float32), np.array(self.high, dtype=np.float32)
         scaled = torch.from_numpy((np.concatenate(parts, axis=-1) - low) * (2 / (high - low)) - 1)
-        beside = {"features": self.features, "sectors": self.sectors, self.sensor: self.sensor}
-        others = [name for name, read in beside.items() if read]
-        if missing := [name for name in others if name not in obs]:
-            raise UserError(f"this policy reads {missing}, and the observation has {sorted(obs)}; see `make_env`")
-        flat = (torch.from_numpy(obs[name]).reshape(len(scaled), -1).float() for name in others)
+        flat = (torch.from_numpy(obs[name]).reshape(len(scaled), -1).float() for name in self.beside)
         return torch.cat([scaled, *flat], 1)
 
 
@@ -95,12 +99,15 @@ class StagedPolicy:
         episode_start: NDArray[np.bool_] | None = None,
         deterministic: bool = True,
     ) -> tuple[NDArray[np.float32], tuple[NDArray[Any], ...] | None]:
-        """SB3's `predict`: actions for one observation (n_actions,) or a batch (n, n_actions); no recurrent state."""
+        """SB3's `predict`: actions for one observation (n_actions,) or a batch (n, n_actions); no recurrent state.
+
+        Raises `InvalidObservationError` for an observation that is not what an environment of the task returns.
+        """
         del episode_start  # nothing is remembered between steps
-        stage = np.asarray(observation["stage"])
-        single = np.asarray(observation["state"]).ndim == 1
-        batched = {k: np.atleast_2d(v) for k, v in observation.items() if k != "stage"}
-        inputs, stages = self.scale(batched), stage.reshape(-1)
+        batched, stages, single = checked_observation(
+            observation, self.scale.beside, len(self.scale.low), len(self.actors)
+        )
+        inputs = self.scale(batched)
         out = np.zeros((len(stages), self.n_actions), dtype=np.float32)
         for index in np.unique(stages):
             rows = np.flatnonzero(stages == index)

@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from causalbench.core.staged.observation import Observation, Observe
+from causalbench.core.staged.reset_request import STAGE, checked_options, checked_seed, checked_stage
 from causalbench.core.staged.worlds import MakeWorlds, Worlds
+from causalbench.core.world.capabilities import Capability
 from causalbench.errors import UserError
 
 WIDTH, HEIGHT = 480, 360  # pixels of what `render` returns
@@ -42,6 +44,10 @@ class StageTaskEnv(gym.Env[Observation, NDArray[np.float32]]):
     ) -> None:
         if worlds.shape:
             raise UserError(f"StageTaskEnv takes one world of shape (), got worlds of shape {worlds.shape}")
+        if render_mode is not None:
+            if render_mode not in self.metadata["render_modes"]:
+                raise UserError(f"render_mode {render_mode!r}: expected None or 'rgb_array'")
+            worlds.require(Capability.RGB, f"render_mode {render_mode!r}")
         self.worlds, self.task, self.render_mode = worlds, worlds.task, render_mode
         self.observe_gripper, self.observe, self.features = observe_gripper, observe, features
         worlds.choose_observation(observe_gripper, observe, features)
@@ -55,11 +61,12 @@ class StageTaskEnv(gym.Env[Observation, NDArray[np.float32]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """A new start, drawn from `self.np_random`; `options={"stage": i}` starts inside stage i."""
-        super().reset(seed=seed)
-        stage = (options or {}).get("stage")
-        if stage is not None and stage not in range(1, self.task.n_stages + 1):
-            raise UserError(f"options: stage {stage!r} is not one of 1 to {self.task.n_stages} of {self.task.name}")
+        """A new start, drawn from `self.np_random`; `options={"stage": i}` starts inside stage i.
+
+        Raises `UserError` for a seed that is no whole number from 0 and for other options.
+        """
+        stage = checked_stage(checked_options(options, (STAGE,)), self.task)
+        super().reset(seed=checked_seed(seed))
         self.worlds.reset([0], [self.np_random], stage)
         self._clock = 0
         return self.worlds.observe(), {"stage": int(self.worlds.stage)}
@@ -90,8 +97,19 @@ class StageTaskEnv(gym.Env[Observation, NDArray[np.float32]]):
         self.worlds.close()
 
 
-class VectorReward(gym.Wrapper[Observation, NDArray[np.float32], Observation, NDArray[np.float32]]):
-    """Returns the reward vector from `step`, so that MO-Gymnasium wrappers and morl-baselines run as they are."""
+class VectorReward(
+    gym.Wrapper[Observation, NDArray[np.float32], Observation, NDArray[np.float32]], gym.utils.RecordConstructorArgs
+):
+    """Returns the reward vector from `step`, so that MO-Gymnasium wrappers and morl-baselines run as they are.
+
+    `reward_space` is that of the environment, in float32; `gymnasium.make(wrapped.spec)` makes it again.
+    """
+
+    def __init__(self, env: gym.Env[Observation, NDArray[np.float32]]) -> None:
+        gym.utils.RecordConstructorArgs.__init__(self)
+        gym.Wrapper.__init__(self, env)
+        names = env.get_wrapper_attr("reward_names")
+        self.reward_space = gym.spaces.Box(-np.inf, np.inf, (len(names),), np.float32)
 
     def step(self, action: NDArray[Any]) -> tuple[Observation, Any, bool, bool, dict[str, Any]]:
         """As `StageTaskEnv.step`, the reward being float32 (n_terms,)."""

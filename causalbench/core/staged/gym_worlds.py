@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from causalbench.core.staged.gym_starts import GymStarts
 from causalbench.core.staged.gym_world import GymWorld
-from causalbench.core.staged.observation import Observation, Observe, features_space, no_sectors
-from causalbench.core.staged.worlds import Origin, Step, Worlds
+from causalbench.core.staged.observation import Observation, Observe, checked_choice, features_space, no_sectors
+from causalbench.core.staged.worlds import Origin, Step, Worlds, check_count
 from causalbench.core.tasks.gym_task import GymTask
 from causalbench.core.world.capabilities import Capability
 from causalbench.errors import UserError
@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 
 def make_gym_worlds(task: GymTask, backend: str, options: Mapping[str, Any], n: int | None = None) -> GymWorlds:
     """New worlds of `task`, one or `n` that step together: with three arguments bound, a `MakeWorlds`."""
+    check_count(n)
     each = [GymWorld(task, task.environments[backend](**options)) for _ in range(n or 1)]
     worlds = GymWorlds(task, each, backend, options, () if n is None else (n,))
     worlds.recipe = functools.partial(make_gym_worlds, task, backend, options, n)
@@ -98,7 +99,7 @@ class GymWorlds(Worlds):
         if observe == "sectors":
             raise no_sectors(self.task)
         self._features = features and bool(self.task.feature_names)
-        self.observed = gripper, observe, features
+        self.observed = checked_choice(gripper, observe, features)
         self._low, self._high = (np.asarray(bound, dtype=np.float32) for bound in self.task.state_bounds)
         state, stage = gym.spaces.Box(self._low, self._high, dtype=np.float32), gym.spaces.Discrete(self.task.n_stages)
         seen = {"features": features_space(self.task)} if self._features else {}

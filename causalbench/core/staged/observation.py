@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import gymnasium as gym
 import numpy as np
@@ -15,12 +15,22 @@ from causalbench.core.world.cameras import HEIGHT, WIDTH
 from causalbench.core.world.facts import Facts
 from causalbench.core.world.lidar import MAX_RANGE, N_RAYS, N_SECTORS, sectors
 from causalbench.core.world.scene import Scene, SceneSpec
-from causalbench.errors import UserError
+from causalbench.errors import UnknownNameError, UserError
 
 Observation = dict[str, Any]
 Observe = Literal["state", "sectors", "paper"]
 """What is observed: the state variables, or beside them how near something is in each sector of the LiDAR, or what the
 paper's agents see, `StageTask.paper_sensor`."""
+
+
+def checked_choice(gripper: bool, observe: Observe, features: bool) -> tuple[bool, Observe, bool]:
+    """The same; raises `UserError` for what can be none of these."""
+    for name, value in (("observe_gripper", gripper), ("features", features)):
+        if not isinstance(value, bool):
+            raise UserError(f"{name} {value!r}: expected True or False")
+    if observe not in get_args(Observe):
+        raise UnknownNameError("observation", observe, get_args(Observe))
+    return gripper, observe, features
 
 
 class Observer:

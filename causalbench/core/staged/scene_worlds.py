@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core.staged.observation import Observation, Observe, Observer, sense
+from causalbench.core.staged.observation import Observation, Observe, Observer, checked_choice, sense
 from causalbench.core.staged.start_extras import start_extras, with_extras
 from causalbench.core.staged.starts import draw_starts
-from causalbench.core.staged.worlds import Origin, Step, Worlds
+from causalbench.core.staged.worlds import Origin, Step, Worlds, check_count
 from causalbench.core.tasks.task import Task
 from causalbench.core.world.batch import BatchScene, SceneList, make_batch, select
 from causalbench.core.world.capabilities import EVERY_SCENE
@@ -26,6 +26,7 @@ Array = NDArray[np.float64]
 
 def make_scene_worlds(task: Task, make_scene: Callable[[], Scene], n: int | None = None) -> SceneWorlds:
     """New worlds of `task` in one scene, or in `n` that step together: with two arguments bound, a `MakeWorlds`."""
+    check_count(n)
     worlds = SceneWorlds(task, make_scene() if n is None else make_batch(make_scene, n))
     worlds.recipe = functools.partial(make_scene_worlds, task, make_scene, n)
     return worlds
@@ -97,7 +98,7 @@ class SceneWorlds(Worlds):
 
     def choose_observation(self, gripper: bool = True, observe: Observe = "state", features: bool = True) -> None:
         """See `Worlds`."""
-        self.observed = gripper, observe, features
+        self.observed = checked_choice(gripper, observe, features)
         self._observer = Observer(self.task, self.spec, gripper, observe, features)
         self.observation_space = self._observer.space
 

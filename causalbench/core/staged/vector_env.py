@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import gymnasium as gym
@@ -11,6 +11,14 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from causalbench.core.staged.observation import Observation, Observe
+from causalbench.core.staged.reset_request import (
+    MASK,
+    STAGE,
+    checked_mask,
+    checked_options,
+    checked_seeds,
+    checked_stage,
+)
 from causalbench.core.staged.worlds import Worlds
 from causalbench.errors import UserError
 
@@ -18,9 +26,11 @@ from causalbench.errors import UserError
 class StageTaskVectorEnv(gym.vector.VectorEnv[Observation, NDArray[Any], NDArray[Any]]):
     """`StageTaskEnv` with a leading dimension n, reset within the step that ends an episode (SAME_STEP).
 
-    `infos` holds arrays: `vector_reward` (n, n_terms), `stage` and `next_stage` (from 1), `reversal`, `is_success`,
-    `terminated`, and `final_obs`, the observation before any reset, of every world.
-    World i draws its starts from its own generator, seeded with [seed, i].
+    `infos` holds arrays of the step, not of the reset that may follow it: `vector_reward` (n, n_terms), `stage` and
+    `next_stage` (from 1), `reversal`, `is_success`, `terminated`, and `final_obs`, the observation before any reset, of
+    every world. Where an episode has ended it also has what Gymnasium's own vector environments have: `final_info`, the
+    same arrays with a mask `_NAME` (n,) beside each, and the masks `_final_obs` and `_final_info`.
+    World i draws its starts from its own generator, seeded with [seed, i], or with its entry in a list of seeds.
     """
 
     metadata = {"autoreset_mode": gym.vector.AutoresetMode.SAME_STEP}  # noqa: RUF012 - as in Gymnasium
@@ -40,18 +50,32 @@ class StageTaskVectorEnv(gym.vector.VectorEnv[Observation, NDArray[Any], NDArray
         self._rngs: list[np.random.Generator] = []
 
     def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """New starts in every world."""
-        if seed is not None or not self._rngs:
-            self._rngs = [np.random.default_rng(None if seed is None else [seed, i]) for i in range(self.num_envs)]
-        self._restart(np.arange(self.num_envs))
+        """New starts in every world; `options={"stage": i}` starts inside stage i.
+
+        `options={"reset_mask": mask}`, a bool array (n,), resets the worlds of the mask alone and leaves the others,
+        which must have been reset before. Raises `UserError` for a seed that is none and for other options.
+        """
+        asked = checked_options(options, (STAGE, MASK))
+        stage, chosen = checked_stage(asked, self.task), checked_mask(asked, self.num_envs)
+        seeds = checked_seeds(seed, self.num_envs)
+        if not self._rngs:
+            if len(chosen) < self.num_envs:
+                raise UserError("options: reset_mask: every world must be reset before some of them are")
+            self._rngs = [np.random.default_rng() for _ in seeds]
+        for i in chosen:
+            if seeds[i] is not None:
+                self._rngs[i] = np.random.default_rng(seeds[i])
+        self._restart(chosen, stage)
         return self.worlds.observe(), {"stage": self.worlds.stage.copy()}
 
     def step(
         self, actions: NDArray[Any]
     ) -> tuple[Observation, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
         """One control step of every world; see the class. Raises `InvalidActionError`."""
+        if not self._rngs:
+            raise gym.error.ResetNeeded("call reset() before step()")
         step = self.worlds.step(actions)
         self._clock += 1
         truncated = (self._clock >= self.task.horizon) & ~step.terminated
@@ -69,10 +93,12 @@ class StageTaskVectorEnv(gym.vector.VectorEnv[Observation, NDArray[Any], NDArray
             "terminated": step.terminated,
             "final_obs": final_obs,
         }
+        if over.size:
+            infos |= _final(infos, step.terminated | truncated)
         return obs, step.rewards.sum(1), step.terminated, truncated, infos
 
-    def _restart(self, over: NDArray[np.int64]) -> None:
-        self.worlds.reset(over.tolist(), [self._rngs[i] for i in over])
+    def _restart(self, over: NDArray[np.int64], stage: int | None = None) -> None:
+        self.worlds.reset(over.tolist(), [self._rngs[i] for i in over], stage)
         self._clock[over] = 0
 
     def state(self) -> dict[str, Any]:
@@ -93,3 +119,10 @@ class StageTaskVectorEnv(gym.vector.VectorEnv[Observation, NDArray[Any], NDArray
     def close(self, **kwargs: Any) -> None:
         """Close the worlds; may be called twice."""
         self.worlds.close()
+
+
+def _final(infos: Mapping[str, Any], ended: NDArray[np.bool_]) -> dict[str, Any]:
+    """What Gymnasium's vector environments add in SAME_STEP mode on a step on which some worlds have `ended`."""
+    own = {name: value for name, value in infos.items() if name != "final_obs"}
+    masks = {f"_{name}": ended for name in own}
+    return {"final_info": own | masks, "_final_info": ended, "_final_obs": ended}

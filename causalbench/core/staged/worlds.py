@@ -202,3 +202,9 @@ class MakeWorlds(Protocol):
 
     def __call__(self, n: int | None = None) -> Worlds:
         """New worlds, not reset yet."""
+
+
+def check_count(n: object) -> None:
+    """Raise `UserError` unless `n` may be how many worlds `MakeWorlds` shall make."""
+    if n is not None and (isinstance(n, bool) or not isinstance(n, int) or n < 1):
+        raise UserError(f"{n!r} worlds: expected a whole number from 1, or None for one world of shape ()")

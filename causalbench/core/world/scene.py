@@ -170,7 +170,10 @@ def check_layout(layout: Layout, spec: SceneSpec) -> None:
 
 def check_action(action: Array, shape: tuple[int, ...]) -> Array:
     """`action` as float64 of `shape`, or an `InvalidActionError` that says what is wrong with it."""
-    action = np.asarray(action, dtype=np.float64)
+    try:
+        action = np.asarray(action).astype(np.float64, casting="same_kind", copy=False)
+    except (TypeError, ValueError) as error:
+        raise InvalidActionError(f"action {action!r} is no array of numbers: {error}") from error
     if action.shape != shape:
         raise InvalidActionError(f"action has shape {action.shape}, expected {shape}")
     if not (abs(action) <= 1.0 + 1e-6).all():  # also catches NaN
