@@ -59,13 +59,10 @@ def processes(
     A cell that is alone may use all of them.
     """
     preload(PRELOAD)
-    waiting, running = list(cells), list[_Running]()
+    queue, running = _Queue(cells), list[_Running]()
     try:
-        while waiting or running:
-            for cell in [cell for cell in waiting if not _is_blocked(cell, waiting, running)]:
-                if sum(job.cores for job in running) + min(cell.cores, jobs) > jobs:
-                    continue
-                waiting.remove(cell)
+        while queue.ready or running:
+            while cell := queue.next(jobs - sum(job.cores for job in running), jobs):
                 if missing := _missing_graph(cell, run):
                     run.finish(cell, Status("skipped", missing))
                     yield cell, run.status(cell)
@@ -75,16 +72,32 @@ def processes(
             _receive(running, on_progress)
             for job in [job for job in running if job.has_ended()]:
                 running.remove(job)
+                queue.ended(job.cell)
                 yield job.cell, job.close(run)
     finally:
         for job in running:
             job.child.kill()
 
 
-def _is_blocked(cell: Cell, waiting: Sequence[Cell], running: Sequence[_Running]) -> bool:
-    """Whether the discovery that `cell` needs has yet to end."""
-    needed = None if isinstance(cell, DiscoveryCell) else cell.discovery
-    return needed is not None and (needed in waiting or any(job.cell == needed for job in running))
+class _Queue:
+    """The cells that have yet to start, in order; one whose discovery has yet to end is not ready."""
+
+    def __init__(self, cells: Sequence[Cell]) -> None:
+        self._waiting: dict[str, list[Cell]] = {cell.id: [] for cell in cells if isinstance(cell, DiscoveryCell)}
+        self.ready: list[Cell] = []
+        for cell in cells:
+            needed = None if isinstance(cell, DiscoveryCell) else cell.discovery
+            (self._waiting.get(needed.id, self.ready) if needed else self.ready).append(cell)
+
+    def next(self, free: int, jobs: int) -> Cell | None:
+        """The first cell for which `free` cores of `jobs` are enough, taken out; None if there is none."""
+        fits = (index for index, cell in enumerate(self.ready) if min(cell.cores, jobs) <= free)
+        index = next(fits, None) if free > 0 else None
+        return None if index is None else self.ready.pop(index)
+
+    def ended(self, cell: Cell) -> None:
+        """Make the cells ready that have waited for `cell`."""
+        self.ready += self._waiting.pop(cell.id, [])
 
 
 def _missing_graph(cell: Cell, run: RunFolder) -> str:

@@ -32,6 +32,11 @@ class TaskIdentity:
     data: Mapping[str, Any]
     behaviour: str
 
+    @cached_property
+    def plain(self) -> dict[str, Any]:
+        """It as JSON data, made once: all cells of a plan share it, and a task is most of what a cell's id covers."""
+        return _plain(dataclasses.asdict(self))
+
 
 @dataclass(frozen=True)
 class BackendIdentity:
@@ -59,7 +64,7 @@ class DiscoveryCell:
     @cached_property
     def identity(self) -> dict[str, Any]:
         """All that the id is made of, as JSON data."""
-        return _plain({"kind": "discovery"} | dataclasses.asdict(self))
+        return _identity("discovery", self)
 
     @cached_property
     def id(self) -> str:
@@ -92,8 +97,7 @@ class LearnerCell:
     @cached_property
     def identity(self) -> dict[str, Any]:
         """All that the id is made of, as JSON data; a discovery cell enters as its id."""
-        own = dataclasses.asdict(dataclasses.replace(self, discovery=None))
-        return _plain({"kind": "learner"} | own | {"discovery": self.discovery.id if self.discovery else None})
+        return _identity("learner", self, discovery=self.discovery.id if self.discovery else None)
 
     @cached_property
     def id(self) -> str:
@@ -102,6 +106,14 @@ class LearnerCell:
 
 
 Cell = DiscoveryCell | LearnerCell
+
+
+def _identity(kind: str, cell: DiscoveryCell | LearnerCell, **instead: Any) -> dict[str, Any]:
+    """The fields of a cell as JSON data, those of records by name; `instead` replaces some of them."""
+    values = {field.name: getattr(cell, field.name) for field in dataclasses.fields(cell)} | instead
+    own = {k: dataclasses.asdict(v) if dataclasses.is_dataclass(v) else v for k, v in values.items() if k != "task"}  # type: ignore[arg-type]
+    plain = _plain({"kind": kind} | own)
+    return {"kind": kind} | {name: cell.task.plain if name == "task" else plain[name] for name in values}
 
 
 def _plain(content: Mapping[str, Any]) -> dict[str, Any]:

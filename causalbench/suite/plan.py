@@ -29,7 +29,7 @@ from causalbench.suite.sections import Patch
 from causalbench.suite.selection import Selection, choose
 from causalbench.suite.task_identity import task_identity
 
-MAX_CELLS = 100_000
+MAX_CELLS = 10_000
 
 
 @dataclass(frozen=True)
@@ -85,6 +85,7 @@ class _Planner:
         self.task: StageTask = self._named(("task",), partial(plugins.task, file.suite.task))
         self.task_identity: TaskIdentity = self._named(("task",), partial(task_identity, self.task))
         self.venue = venue_of(self.task)
+        self._can: dict[str, frozenset[Capability]] = {}  # backend -> what worlds in it can do
 
     def check_number(self, of_each_combination: int) -> None:
         """Refuse a plan that nobody can run. Raises `SuiteError`."""
@@ -132,11 +133,12 @@ class _Planner:
 
     def beyond(self, cell: Cell) -> str:
         """What the cell asks of worlds that cannot do it, in a sentence; "" if they can. The backend runs the task."""
-        can = self.venue.capabilities(self.plugins.backends[cell.backend.name], cell.backend.options)
+        name = cell.backend.name
+        if name not in self._can:
+            self._can[name] = self.venue.capabilities(self.plugins.backends[name], cell.backend.options)
+        can = self._can[name]
         needs = requirements(cell, self.plugins.discoverers)
-        lacked = (
-            lacking(need, purpose, cell.backend.name, self.task.name) for need, purpose in needs if need not in can
-        )
+        lacked = (lacking(need, purpose, name, self.task.name) for need, purpose in needs if need not in can)
         return next(lacked, "")
 
     def cells(self, backend: BackendIdentity, methods: Sequence[Method], seeds: Sequence[int]) -> Iterator[Cell]:
