@@ -168,3 +168,35 @@ def test_discover_refuses_what_does_not_exist(call: Callable) -> None:
     )
     done = call("discover", "--backend", "gymrobot9")
     assert (done.returncode, done.stderr.startswith("error: --backend: unknown backend 'gymrobot9'.")) == (2, True)
+
+
+NET = """
+import sys
+from causalbench.cli import app
+def broken():
+    raise {error}
+app.app.command("broken")(broken)
+sys.argv = ["causalbench", "broken"]
+app.main()
+"""
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "sentence"),
+    [
+        ("ZeroDivisionError('no \\x1b[2J way')", 3, r"unexpected ZeroDivisionError: no \x1b[2J way"),
+        ("OSError(28, 'No space left on device', 'results.csv')", 1, "failed: results.csv: No space left on device"),
+    ],
+)
+def test_whatever_happens_is_a_sentence(error: str, code: int, sentence: str, tmp_path: Path) -> None:
+    script, env = [sys.executable, "-c", NET.format(error=error)], os.environ | {"TMPDIR": str(tmp_path)}
+    done = subprocess.run(script, capture_output=True, text=True, env=env)
+    assert done.returncode == code
+    assert done.stderr.splitlines()[0] == sentence
+    assert "Traceback" not in done.stderr
+    if code == 3:
+        (report,) = tmp_path.glob("causalbench-*.txt")
+        assert str(report) in done.stderr
+        assert "in broken" in report.read_text()
+    raised = subprocess.run(script, capture_output=True, text=True, env=env | {"CAUSALBENCH_TRACEBACK": "1"})
+    assert "Traceback" in raised.stderr

@@ -84,18 +84,18 @@ def test_an_id_that_gymnasium_refuses_stops_nothing(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("argv", "expected"),
+    ("argv", "orig_argv", "expected"),
     [
-        (["python", "/usr/bin/causalbench", "run"], True),
-        (["python", "-m", "causalbench", "run"], True),
-        (["python", "-m", "mine.causalbench_study"], False),
-        (["python", "train.py", "causalbench"], False),
-        (["python", "-c", "import causalbench"], False),
-        (["python"], False),
+        (["/usr/bin/causalbench", "run"], ["python", "/usr/bin/causalbench", "run"], True),
+        (["-m", "run"], ["python", "-m", "causalbench", "run"], True),
+        (["-m"], ["python", "-m", "mine.causalbench_study"], False),
+        (["train.py", "causalbench"], ["python", "train.py", "causalbench"], False),
+        (["-c"], ["python", "-c", "import causalbench"], False),
+        ([""], ["python"], False),
     ],
 )
-def test_only_the_command_leaves_registering_out(argv: list[str], expected: bool) -> None:
-    assert is_command(argv) is expected
+def test_only_the_command_leaves_registering_out(argv: list[str], orig_argv: list[str], expected: bool) -> None:
+    assert is_command(argv, orig_argv) is expected
 
 
 def make_by_id(link: Any, env_id: str) -> None:

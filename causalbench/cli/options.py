@@ -12,7 +12,7 @@ import typer
 
 from causalbench.errors import UserError
 
-EXIT_FAILED, EXIT_MISTAKE, EXIT_INTERRUPTED = 1, 2, 130
+EXIT_FAILED, EXIT_MISTAKE, EXIT_UNEXPECTED, EXIT_INTERRUPTED = 1, 2, 3, 130
 
 
 SuiteArgument = Annotated[Path, typer.Argument(help="Suite file, or the name of one that comes along: pure_manip.")]

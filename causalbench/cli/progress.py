@@ -118,7 +118,7 @@ class TableView:
             status, progress = self.statuses[cell.id], self.progress.get(cell.id, Progress(0.0, ""))
             fraction = 1.0 if status.state == "done" else progress.fraction
             table.add_row(
-                label(cell),
+                escape(label(cell)),
                 f"[{COLOURS.get(status.state, 'dim')}]{status.state}",
                 ProgressBar(total=1.0, completed=fraction, width=20),
                 _number(progress.success),

@@ -9,6 +9,7 @@ import typer
 
 from causalbench.cli.execution import use_one_thread_each
 from causalbench.cli.options import EXIT_FAILED, AsJson, Jobs, Only, cores, print_json
+from causalbench.cli.visible import visible
 
 
 def leaderboard(
@@ -57,7 +58,7 @@ def play(
     folder = RunFolder(run)
     print_problems([folder])
     for path in play(folder, only or (), episodes):
-        typer.echo(path)
+        typer.echo(visible(str(path)))
 
 
 def verify(

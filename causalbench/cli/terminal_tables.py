@@ -7,10 +7,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from causalbench.cli.visible import VisibleConsole
 from causalbench.core.discovery.graph import CausalGraph, StageGraph
 from causalbench.plugins.backends import Variant
 from causalbench.plugins.manager import Plugins
@@ -33,9 +33,9 @@ BOARD = {
 """Column of `leaderboard.csv` -> its heading on the terminal."""
 
 
-def progress_console() -> Console:
+def progress_console() -> VisibleConsole:
     """Progress goes to stderr, so that stdout holds results alone."""
-    return Console(stderr=True)
+    return VisibleConsole(stderr=True)
 
 
 def print_hypotheses(verdicts: Iterable[Row]) -> None:
@@ -244,8 +244,8 @@ def _text(value: Any) -> str:
 
 
 def _print(content: Table | str) -> None:
-    console = Console()
+    console = VisibleConsole()
     if not console.is_terminal:
         # A pipe has no width: do not fold what a program or a grep reads.
-        console = Console(width=1000)
+        console = VisibleConsole(width=1000)
     console.print(content, highlight=False, soft_wrap=isinstance(content, str), markup=not isinstance(content, str))

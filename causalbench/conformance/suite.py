@@ -9,7 +9,20 @@ from dataclasses import dataclass
 from typing import Any
 
 from causalbench.conformance.bench import Bench
-from causalbench.conformance.checks import contact, drive, facts, life, motion, objects, repeat, reset, rgb, solve, spec
+from causalbench.conformance.checks import (
+    contact,
+    copies,
+    drive,
+    facts,
+    life,
+    motion,
+    objects,
+    repeat,
+    reset,
+    rgb,
+    solve,
+    spec,
+)
 from causalbench.core.world.capabilities import Capability
 from causalbench.core.world.scene import ARM_ACTIONS, SceneSpec
 from causalbench.errors import UnknownNameError, UserError
@@ -106,6 +119,10 @@ CHECKS = (
     Check(drive.s47_mobile_expert, (*MOBILE, *ARM_ACTIONS)),
     Check(rgb.s48_picture, (Capability.RGB,)),
     Check(objects.s49_several_objects, ARM_ACTIONS),
+    Check(copies.s50_copies, ARM_ACTIONS),
+    Check(copies.s51_picture_in_a_thread, (Capability.RGB,)),
+    Check(copies.s52_picture_after_a_fork, (Capability.RGB,)),
+    Check(contact.s53_hand_in_the_world, ("armz", "grip")),
 )
 """The contract, in the order of its numbers."""
 

@@ -44,11 +44,13 @@ def register_envs() -> None:
 
 def register_on_import() -> None:
     """Call `register_envs`, except in the command `causalbench`, whose `--help` must not wait for Gymnasium."""
-    if not is_command(sys.orig_argv):
+    if not is_command(sys.argv, sys.orig_argv):
         register_envs()
 
 
-def is_command(argv: list[str]) -> bool:
-    """Whether `argv`, the interpreter's, starts the command `causalbench`: by its script or by `python -m`."""
-    words = [word for word in argv[1:] if not word.startswith("-") or word == "-m"]
-    return words[:2] == ["-m", "causalbench"] or Path(words[0] if words else "").stem == "causalbench"
+def is_command(argv: list[str], orig_argv: list[str]) -> bool:
+    """Whether a process with these arguments is the command `causalbench`: its script or `python -m causalbench`."""
+    if argv and Path(argv[0]).stem == "causalbench":
+        return True
+    words = [word for word in orig_argv[1:] if not word.startswith("-") or word == "-m"]
+    return words[:2] == ["-m", "causalbench"]

@@ -13,9 +13,11 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
+from pathlib import Path
 
 from causalbench.processes import Child, preload, start
 from causalbench.run.cell import Keeping, Progress, run_cell
+from causalbench.run.cell_log import INTERVAL, cut, print_to, shorten
 from causalbench.store.cells import LOG, Status
 from causalbench.store.run_folder import RunFolder
 from causalbench.suite.cells import Cell, DiscoveryCell
@@ -116,6 +118,7 @@ class _Running:
     child: Child
     deadline: float
     cores: int
+    log: Path
     timed_out: bool = False
 
     def has_ended(self) -> bool:
@@ -128,6 +131,7 @@ class _Running:
     def close(self, run: RunFolder) -> Status:
         """Release the process and return the cell's status, recorded here if the process could not."""
         self.child.close()
+        shorten(self.log)
         status = run.status(self.cell)
         if status.state in ("running", "pending"):
             status = self._died()
@@ -143,28 +147,28 @@ class _Running:
 def _start(cell: Cell, run: RunFolder, keeping: Keeping, timeout: float | None, cores: int) -> _Running:
     run.start(cell)
     child = start("forkserver", _work, cell, run, keeping, cores)
-    return _Running(cell, child, time.monotonic() + (timeout or float("inf")), cores)
+    return _Running(cell, child, time.monotonic() + (timeout or float("inf")), cores, run.folder(cell) / LOG)
 
 
 def _receive(running: Sequence[_Running], on_progress: OnCellProgress) -> None:
-    """Wait until a cell reports or ends, but not beyond a deadline, and hand on what was reported."""
+    """Wait until a cell reports or ends, but not beyond a deadline, and hand on what was reported; bound the logs."""
     by_link = {job.child.link: job for job in running}
-    wait = min((job.deadline for job in running), default=0.0) - time.monotonic()
+    wait = min(min((job.deadline for job in running), default=0.0) - time.monotonic(), INTERVAL)
     watched: list[Connection | int] = [*by_link, *(job.child.process.sentinel for job in running)]
-    for ready in multiprocessing.connection.wait(watched, None if wait == float("inf") else max(wait, 0.0)):
+    for ready in multiprocessing.connection.wait(watched, max(wait, 0.0)):
         if isinstance(ready, Connection):
             try:
                 on_progress(by_link[ready].cell, ready.recv())
             except (EOFError, OSError):  # OSError: killed in the middle of a message
                 by_link[ready].child.process.join()  # the far end closes only when the process ends
+    for job in running:
+        cut(job.log)
 
 
 def _work(link: Connection, cell: Cell, run: RunFolder, keeping: Keeping, cores: int) -> None:
     """What a cell's process does."""
     # What a simulator prints from C, and the trace of a segfault, belong to the cell.
-    log = os.open(run.folder(cell) / LOG, os.O_WRONLY | os.O_CREAT | os.O_APPEND)
-    os.dup2(log, 1)
-    os.dup2(log, 2)
+    print_to(run.folder(cell) / LOG)
     faulthandler.enable()
     run_cell(cell, run, _Throttle(link).send, keeping, cores)
     # All is on disk; what simulators do when an interpreter ends may hang or crash.

@@ -7,6 +7,7 @@ import functools
 import math
 import multiprocessing
 import os
+import threading
 from typing import Any, ClassVar
 
 import numpy as np
@@ -510,6 +511,59 @@ class LosesOthers(Altered):
         self.worlds.others = others
 
 
+class Copyable(Altered):
+    """A copy is a scene like any other, as if Python saw all of its state."""
+
+    def __reduce_ex__(self, protocol: Any) -> Any:
+        return object.__reduce_ex__(self, protocol)
+
+
+class OneThread(Altered):
+    """Draws in the thread that has drawn first alone, as OpenGL does."""
+
+    def render(self, width: int, height: int, camera: str = "scene") -> NDArray[np.uint8]:
+        self.thread = getattr(self, "thread", threading.get_ident())
+        if self.thread != threading.get_ident():
+            raise RuntimeError("the context is current in another thread")
+        return super().render(width, height, camera)
+
+
+class OneProcess(Altered):
+    """Draws in the process that has drawn first alone, and shows nothing in another."""
+
+    def render(self, width: int, height: int, camera: str = "scene") -> NDArray[np.uint8]:
+        self.process = getattr(self, "process", os.getpid())
+        return super().render(width, height, camera) * (self.process == os.getpid())
+
+
+class Misplaced(Altered):
+    """The hand is 28 mm nearer to the base than facts say."""
+
+    off = 0.028
+
+    def reset(self, layout: Layout) -> None:
+        super().reset(layout)
+        self.state[HAND.start] -= self.off
+
+    def alter(self, facts: Facts) -> dict[str, Any]:
+        yaw = facts.base_pose[2]
+        return {"eef_position": facts.eef_position + self.off * np.array([math.cos(yaw), math.sin(yaw), 0.0])}
+
+
+class Higher(Misplaced):
+    """The hand is 5 cm lower than facts say."""
+
+    def reset(self, layout: Layout) -> None:
+        Altered.reset(self, dataclasses.replace(layout, eef_position=layout.eef_position - UP))
+        self.layout = layout
+
+    def alter(self, facts: Facts) -> dict[str, Any]:
+        return {"eef_position": facts.eef_position + UP}
+
+
+UP = np.array([0.0, 0.0, 0.05])
+
+
 def backend(make: Any, spec: SceneSpec = SPEC, modules: tuple[str, ...] = ()) -> Backend:
     capabilities = getattr(make, "changes", {}).get("capabilities", spec.capabilities)
     return Backend(spec.backend, make, spec.engine, (Variant(spec.robot, capabilities),), modules)
@@ -565,6 +619,10 @@ BROKEN = {
     "S47": backend(Stalls, MOBILE_SPEC),
     "S48": backend(OldPicture),
     "S49": backend(LosesOthers),
+    "S50": backend(Copyable),
+    "S51": backend(OneThread),
+    "S52": backend(OneProcess),
+    "S53": backend(Misplaced),
 }
 MOBILE_NUMBERS = {"S16", *(f"S{i}" for i in range(40, 48))}
 INTACT = {

@@ -7,14 +7,14 @@ import re
 from pathlib import Path
 
 import pytest
-from conformance.broken import BROKEN, INTACT, MOBILE_NUMBERS, FarWorkspace, WideWorkspace, backend
+from conformance.broken import BROKEN, INTACT, MOBILE_NUMBERS, FarWorkspace, Higher, WideWorkspace, backend
 
 from causalbench.conformance.bench import Bench
 from causalbench.conformance.suite import CHECKS, Result, run_check, run_checks
 from causalbench.errors import UnknownNameError, UserError
 
 NUMBERS = [check.number for check in CHECKS]
-IN_NEW_PROCESSES = {"S28", "S33", "S36", "S37"}
+IN_NEW_PROCESSES = {"S28", "S33", "S36", "S37", "S50"}
 
 
 def outcomes(results: list[Result], outcome: str) -> dict[str, str]:
@@ -49,6 +49,12 @@ def test_a_workspace_larger_than_the_reach_fails_one_line_and_the_message_says_w
         r'"hand at .* lies above the reach limit .*"\. Is `spec.workspace` what the arm can reach\?',
         failed["S12"],
     ), failed["S12"]
+
+
+def test_a_hand_that_is_lower_than_it_says_stops_too_high() -> None:
+    check = next(check for check in CHECKS if check.number == "S53")
+    message = run_check(check, Bench(backend(Higher))).message
+    assert "not grasped" in message or "driven down, the hand stops 0.055 m above the table" in message
 
 
 def test_where_no_start_is_found_the_message_says_what_was_refused_and_why() -> None:

@@ -11,7 +11,13 @@ from pathlib import Path
 
 import pytest
 
-from causalbench.run.executors import PRELOAD
+from causalbench.plugins.manager import installed
+from causalbench.run import cell_log
+from causalbench.run.cell_log import LIMIT
+from causalbench.run.executors import PRELOAD, _Queue
+from causalbench.suite.cells import DiscoveryCell, LearnerCell
+from causalbench.suite.plan import make_plan
+from causalbench.suite.schema import load_suite
 
 PLUGIN = """
 import ctypes, os, signal, sys, threading
@@ -22,11 +28,17 @@ from causalbench.plugins.hookspecs import hookimpl
 def raising():
     raise RuntimeError("the arm fell off")
 
+def chatty():
+    for _ in range(100):
+        os.write(1, b"noise\\n" * 20_000)
+    raise RuntimeError("the last word")
+
 def diverging():
     raise DivergedError("a loss is not finite")
 
 WAYS = {
     "raising": raising,
+    "chatty": chatty,
     "diverging": diverging,
     "leaving": lambda: sys.exit(0),
     "exiting": lambda: os._exit(3),
@@ -110,6 +122,52 @@ def test_the_serial_executor_goes_on_after_an_exception(run: Callable, tmp_path:
     assert found["raising", "mSAC"] == ("failed", "RuntimeError: the arm fell off")
     assert found["leaving", "mSAC"] == ("failed", "SystemExit: 0")
     assert found["raising", "cmSAC"][0] == "skipped"
+
+
+def test_the_log_of_a_chatty_simulator_keeps_its_beginning_and_its_end(run: Callable, tmp_path: Path) -> None:
+    run("chatty", "--only", "method=mSAC")
+    (log,) = tmp_path.glob("run/cells/*/log.txt")
+    text = log.read_text()
+    assert len(text) < LIMIT + 1000
+    assert text.startswith("noise\nnoise\n")
+    assert "bytes are left out here" in text
+    assert "RuntimeError: the last word" in text[-1000:]
+
+
+def test_a_log_that_is_being_written_is_cut_and_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cell_log, "LIMIT", 20)
+    monkeypatch.setattr(cell_log, "LIMIT_WHILE_WRITTEN", 80)
+    path = tmp_path / "log.txt"
+    with path.open("ab", buffering=0) as log:
+        log.write(b"0123456789" * 8)
+        cell_log.cut(path)
+        assert len(path.read_bytes()) == 80
+        log.write(b"x")
+        cell_log.cut(path)
+        log.write(b"y")
+    assert path.read_bytes() == b"0123456789y"
+    cell_log.shorten(path)
+    assert path.read_bytes() == b"0123456789y"
+    path.write_bytes(b"a" * 10 + b"b" * 100 + b"c" * 10)
+    cell_log.shorten(path)
+    assert path.read_bytes() == b"a" * 10 + b"\n[100 bytes are left out here]\n" + b"c" * 10
+
+
+def test_cells_start_in_order_as_cores_and_discoveries_allow(tiny_suite: Path) -> None:
+    text = tiny_suite.read_text().replace("seeds: 1", "seeds: 2, graphs: per_seed")
+    suite = tiny_suite.with_name("two.yaml")
+    suite.write_text(text)
+    cells = make_plan(load_suite(suite, installed()), "smoke", installed()).cells
+    first, second = (cell for cell in cells if isinstance(cell, DiscoveryCell))
+    plain = [cell for cell in cells if isinstance(cell, LearnerCell) and cell.discovery is None]
+    causal = [cell for cell in cells if isinstance(cell, LearnerCell) and cell.discovery is not None]
+    queue = _Queue(cells)
+    assert [queue.next(3, 3), queue.next(1, 3), queue.next(0, 3)] == [first, plain[0], None]
+    queue.ended(first)
+    assert [queue.next(1, 3), queue.next(1, 3), queue.next(1, 3)] == [plain[1], causal[0], None]
+    assert queue.next(2, 3) == second
+    queue.ended(second)
+    assert [queue.next(1, 1), queue.next(1, 1)] == [causal[1], None]
 
 
 def test_the_fork_server_never_imports_a_simulator() -> None:

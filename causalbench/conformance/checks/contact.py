@@ -2,10 +2,27 @@
 
 from __future__ import annotations
 
+import dataclasses
 from itertools import islice
 
+import numpy as np
+
 from causalbench.conformance.bench import Bench, expect
-from causalbench.conformance.moves import AXES, accepts, act, clear_poses, clear_start, grasp, press, start, steps
+from causalbench.conformance.moves import (
+    AXES,
+    Unfit,
+    accepts,
+    act,
+    clear_poses,
+    clear_start,
+    draws,
+    grasp,
+    press,
+    start,
+    steps,
+)
+from causalbench.core.numerics import rotations
+from causalbench.core.world.scene import Scene
 
 
 def s24_collision(bench: Bench) -> None:
@@ -49,3 +66,47 @@ def s26_holding(bench: Bench) -> None:
         expect(not act(scene, steps(scene, 1.0), grip=-1.0).holding, "holding is still true after a second of opening")
     clear_start(scene)
     expect(not act(scene, steps(scene, 1.5), grip=1.0).holding, "holding is true for a hand closed on nothing")
+
+
+ASIDE = (0.03, 0.025)  # m along the hand's x and y: within the box's half length, and within the open gripper
+ABOVE = 0.04  # m that the point between the pads may be above the table when the fingers touch it
+
+
+def s53_hand_in_the_world(bench: Bench) -> None:
+    """S53. The hand is where the scene says: it grasps a box that lies up to 3 cm to any side, and stops at the table.
+
+    The box lies 3 cm off along the hand's x, 2.5 cm along its y, to either side; a hand that is elsewhere misses one.
+    Driven down, it comes to rest with the fingers on the table, at most 4 cm below the point that is reported.
+    """
+    scene = bench.scene
+    for axis, distance in enumerate(ASIDE):
+        for off in (distance, -distance):
+            _put_aside(scene, axis, off)
+            for _ in range(steps(scene, 2.0)):
+                if act(scene, 1, grip=1.0).holding:
+                    break
+            expect(
+                scene.facts().holding,
+                f"a box {off:+.3f} m along the hand's {'xy'[axis]} is not grasped, as if the hand were elsewhere than "
+                "facts say",
+            )
+    low = min(float(facts.eef_position[2]) for facts in press(scene))
+    above = low - scene.spec.workspace.table_height
+    expect(
+        above < ABOVE, f"driven down, the hand stops {above:.3f} m above the table, as if it were lower than it says"
+    )
+
+
+def _put_aside(scene: Scene, axis: int, off: float) -> None:
+    """An open hand face down at grasp height, the box on the table `off` from below it along the hand's `axis`."""
+    unfit = Unfit()
+    for layout in draws(scene, 0, 4):
+        box = layout.target.position
+        hand = np.append(box[:2], layout.eef_position[2])
+        way = rotations.rotate(layout.eef_quaternion, np.eye(3)[axis])
+        way[2] = 0.0
+        target = dataclasses.replace(layout.target, position=box + off * way / np.linalg.norm(way))
+        opened = dataclasses.replace(layout, eef_position=hand, target=target, gripper_opening=scene.spec.max_opening)
+        if unfit.serves(scene, opened) and unfit.free(scene.facts()):
+            return
+    raise AssertionError(f"an open hand around a box {off:+.3f} m along its {'xy'[axis]} is never accepted: {unfit}")

@@ -15,7 +15,7 @@ import numpy as np
 import torch
 from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.logger import configure
+from stable_baselines3.common.logger import Logger
 from torch import Tensor
 
 from causalbench.core.learners.examiner import Examiner
@@ -138,7 +138,7 @@ def _train(problem: TrainingProblem, make: Callable[..., SAC | PPO], distributio
         worlds = ScalarRewardEnv(env, scale, scalar, problem.seed)
         with _global_generators_kept():
             model = make(settings, worlds, problem.seed)
-            model.set_logger(configure(None, []))
+            model.set_logger(Logger(None, []))
             policy = _policy(model, worlds, distribution, problem.seed)
             _learn(model, policy, problem.env_steps + settings.n_envs, _Watch(policy, examiner))
     return Trained(policy, worlds.counter.counts)
