@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from causalbench.core.learners.ppo.settings import PPOSettings
     from causalbench.core.learners.sac.settings import SACSettings
     from causalbench.core.learners.settings import EvaluationSettings
+    from causalbench.core.staged.env import VectorReward
     from causalbench.registration import make_env
     from causalbench.report.frames import load_results
     from causalbench.report.html.page import write_report
@@ -29,6 +30,7 @@ _HOMES = {
     "EvaluationSettings": "causalbench.core.learners.settings",
     "PPOSettings": "causalbench.core.learners.ppo.settings",
     "SACSettings": "causalbench.core.learners.sac.settings",
+    "VectorReward": "causalbench.core.staged.env",
     "discover": "causalbench.api",
     "load_graph": "causalbench.api",
     "load_policy": "causalbench.core.learners.policy",
@@ -43,6 +45,7 @@ __all__ = [
     "EvaluationSettings",
     "PPOSettings",
     "SACSettings",
+    "VectorReward",
     "__version__",
     "discover",
     "load_graph",

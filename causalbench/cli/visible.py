@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import unicodedata
+from typing import Any
 
 from rich.console import Console
 from rich.text import Text
@@ -27,6 +28,6 @@ def _escaped(character: str) -> str:
 class VisibleConsole(Console):
     """rich's console, which makes all text that it is given visible first."""
 
-    def render_str(self, text: str, **options: object) -> Text:  # type: ignore[override]
+    def render_str(self, text: str, **options: Any) -> Text:
         """As rich's."""
-        return super().render_str(visible(text), **options)  # type: ignore[arg-type]
+        return super().render_str(visible(text), **options)

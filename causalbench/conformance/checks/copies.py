@@ -103,7 +103,8 @@ def s52_picture_after_a_fork(bench: Bench) -> None:
     start(scene, 0)
     first = scene.render(WIDTH, HEIGHT)
     answer = _in_fork(scene)
-    expect(answer is not None, f"render in a forked process did not return within {TIMEOUT:.0f} s")
+    if answer is None:
+        raise AssertionError(f"render in a forked process did not return within {TIMEOUT:.0f} s")
     if isinstance(answer, np.ndarray):
         expect(np.array_equal(first, answer), "render in a forked process shows something else")
     else:

@@ -4,8 +4,9 @@ Numba compiles what is marked with `compiled` at its first use on a machine and 
 `NUMBA_CACHE_DIR`, else beside the source file, else in the user's cache folder, until the function or something that is
 compiled into it changes, in whatever file (`_depending`). Where numba is missing, broken or switched off
 (`NUMBA_DISABLE_JIT=1`) the same functions run as plain Python: equal results up to rounding, slower. Where no folder
-can be written, every process compiles anew. Each is said in one sentence, a warning of the logger
-`causalbench.core.numerics.compiled`, which goes to stderr unless the program arranges for its logs.
+can be written, a private one in the temporary directory serves, and without that every process compiles anew. Each is
+said in one sentence, a warning of the logger `causalbench.core.numerics.compiled`, which goes to stderr unless the
+program arranges for its logs.
 """
 
 from __future__ import annotations
@@ -14,6 +15,9 @@ import ctypes
 import functools
 import hashlib
 import logging
+import os
+import stat
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from types import CellType, FunctionType, ModuleType
@@ -67,7 +71,7 @@ def can_compile(function: Callable[..., Any]) -> bool:
         _say(f"causalbench runs its inner loops as plain Python, many times slower, since {problem()}")
         return False
     if function.__module__ not in _FOLDERS:
-        _FOLDERS[function.__module__] = cache_folder(function)
+        _FOLDERS[function.__module__] = cache_folder(function) or _in_temporary_folder(function)
     _DIGESTS[function.__module__] = _digest(function)
     _listen()
     return True
@@ -152,6 +156,38 @@ def cache_folder(function: Callable[..., Any] = compiled) -> str:
         return str(numba.njit(cache=True)(function).stats.cache_path)
     except RuntimeError:
         return ""
+
+
+def _in_temporary_folder(function: Callable[..., Any]) -> str:
+    """Let numba keep its code in `private_folder`, for this process and those that it starts; "" where that is none.
+
+    Else every command on a machine without a cache that can be written would compile first.
+    """
+    import numba
+
+    folder, is_new = private_folder()
+    if not folder:
+        return ""
+    os.environ["NUMBA_CACHE_DIR"] = numba.config.CACHE_DIR = folder  # type: ignore[attr-defined]
+    if is_new:
+        _say(
+            f"causalbench keeps compiled code in {folder}, since it can write to no other place; set NUMBA_CACHE_DIR "
+            "to a folder that lasts longer"
+        )
+    return cache_folder(function)
+
+
+def private_folder() -> tuple[str, bool]:
+    """A folder in the temporary directory and whether it is new; "" where others could put code into it."""
+    path = Path(tempfile.gettempdir(), f"causalbench-numba-{os.getuid()}")
+    is_new = not path.exists()
+    try:
+        path.mkdir(mode=0o700, exist_ok=True)
+        found = path.lstat()
+    except OSError:
+        return "", False
+    ours = stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid() and not found.st_mode & 0o022
+    return (str(path) if ours else ""), is_new
 
 
 def external(library: str, name: str, *arguments: str) -> Any:

@@ -88,13 +88,33 @@ def test_compilation_is_announced_once_a_machine(tmp_path: Path) -> None:
     assert run_module(tmp_path, NUMBA_CACHE_DIR=str(tmp_path / "cache")) == ""
 
 
-def test_without_a_folder_for_the_cache_every_process_compiles(tmp_path: Path) -> None:
+@pytest.fixture
+def no_cache(tmp_path: Path) -> dict[str, str]:
+    """An environment in which numba finds no folder to write to, and a temporary directory."""
     (tmp_path / "file").write_text("a file where a folder must be")
-    environment = {
+    (tmp_path / "temporary").mkdir()
+    return {
         "NUMBA_CACHE_DIR": str(tmp_path / "file"), "NUMBA_CACHE_LOCATOR_CLASSES": "UserProvidedCacheLocator",
+        "TMPDIR": str(tmp_path / "temporary"),
     }  # fmt: skip
+
+
+def test_without_a_folder_for_the_cache_a_private_temporary_one_serves(
+    tmp_path: Path, no_cache: dict[str, str]
+) -> None:
+    said = run_module(tmp_path, **no_cache)
+    folder = tmp_path / "temporary" / f"causalbench-numba-{os.getuid()}"
+    assert f"keeps compiled code in {folder}" in said
+    assert folder.stat().st_mode & 0o777 == 0o700
+    assert run_module(tmp_path, **no_cache) == ""
+
+
+def test_where_others_could_write_to_that_too_every_process_compiles(tmp_path: Path, no_cache: dict[str, str]) -> None:
+    folder = tmp_path / "temporary" / f"causalbench-numba-{os.getuid()}"
+    folder.mkdir()
+    folder.chmod(0o777)
     for _ in range(2):
-        said = run_module(tmp_path, **environment)
+        said = run_module(tmp_path, **no_cache)
         assert said.count("\n") == 1
         assert "cannot keep compiled code, so every process compiles it again" in said
         assert "set NUMBA_CACHE_DIR" in said
