@@ -2,6 +2,7 @@
 
 import dataclasses
 import random
+import tempfile
 
 import numpy as np
 import pytest
@@ -37,7 +38,9 @@ def _train(name):
 
 
 @pytest.mark.parametrize("name", ["SAC", "PPO"])
-def test_they_are_counted_evaluated_and_saved_like_the_others(name, tmp_path):
+def test_they_are_counted_evaluated_and_saved_like_the_others(name, tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
+    (tmp_path / "temporary").mkdir()
     kept = random.getstate(), np.random.get_state()[1].copy(), torch.get_rng_state()  # noqa: NPY002
     (policy, counts, seen), (_, _, again) = _train(name), _train(name)
     assert [e.env_steps for e in seen] == [100, 150]
@@ -48,6 +51,7 @@ def test_they_are_counted_evaluated_and_saved_like_the_others(name, tmp_path):
     assert random.getstate() == kept[0]
     np.testing.assert_array_equal(np.random.get_state()[1], kept[1])  # noqa: NPY002
     assert torch.equal(torch.get_rng_state(), kept[2])
+    assert [*(tmp_path / "temporary").iterdir()] == []  # SB3's logger makes a folder there unless it is told not to
 
     policy.save(tmp_path / "policy")
     loaded = load_policy(tmp_path / "policy")
