@@ -123,9 +123,22 @@ def table_rows(path: Path, columns: Sequence[str] = ()) -> list[dict[str, str]]:
 
 
 def write_rows(path: Path, columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> None:
-    """Replace the CSV file `path`; None is an empty cell, floats are written so that they read back bit for bit."""
+    """Replace the CSV file `path`; None is an empty cell, floats are written so that they read back bit for bit.
+
+    Text that a spreadsheet would take for a formula gets an apostrophe before it.
+    """
     buffer = io.StringIO()
     writer = csv.DictWriter(buffer, columns, lineterminator="\n")
     writer.writeheader()
-    writer.writerows(rows)
+    writer.writerows({name: _no_formula(value) for name, value in row.items()} for row in rows)
     write_text(path, buffer.getvalue())
+
+
+def _no_formula(value: Any) -> Any:
+    if not isinstance(value, str) or not value.startswith(("=", "+", "-", "@", "\t", "\r")):
+        return value
+    try:
+        float(value)
+    except ValueError:
+        return f"'{value}"
+    return value

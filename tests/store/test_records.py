@@ -11,7 +11,14 @@ import pytest
 
 from causalbench.core.learners.records import Evaluation, TrainingCounts
 from causalbench.errors import DamagedFileError
-from causalbench.store.records import read_counts, read_effects, read_progress, write_counts, write_progress
+from causalbench.store.records import (
+    read_counts,
+    read_effects,
+    read_progress,
+    write_counts,
+    write_progress,
+    write_rows,
+)
 
 
 def test_evaluations_and_counts_come_back_bit_for_bit(tmp_path: Path) -> None:
@@ -38,3 +45,19 @@ def test_what_is_no_such_file_is_named(read: Callable[[Path], Any], content: byt
     path.write_bytes(content)
     with pytest.raises(DamagedFileError, match=f"^{path}: "):
         read(path)
+
+
+def test_text_is_no_formula_to_a_spreadsheet_and_numbers_stay(tmp_path: Path) -> None:
+    given = {
+        "a": "=HYPERLINK(1)",
+        "b": "@x",
+        "c": "-1e-05",
+        "d": -1.5,
+        "e": "+cmd",
+        "f": "plain",
+        "g": None,
+        "h": "-inf",
+    }
+    write_rows(tmp_path / "table.csv", list(given), [given])
+    written = (tmp_path / "table.csv").read_text().splitlines()[1]
+    assert written == "'=HYPERLINK(1),'@x,-1e-05,-1.5,'+cmd,plain,,-inf"
