@@ -17,7 +17,7 @@ PROJECTS := . $(patsubst %/pyproject.toml,%,$(wildcard plugins/*/pyproject.toml)
 help:
 	@echo 'make bench      run $(SUITE) and write its results (RUN_FLAGS="--tier smoke" for a first look)'
 	@echo 'make test       ruff, mypy, lint-imports and the fast tests'
-	@echo 'make test-long  the tests that take over a minute each'
+	@echo 'make test-long  the tests that take over a minute, or repeat the fast ones on other simulators'
 	@echo 'make speed      every benchmarks/*_speed.py'
 	@echo 'make env        only the environment, $(VENV), from requirements.lock'
 	@echo 'make clean      remove $(VENV)'

@@ -7,6 +7,8 @@ by its place in that backend's folder below plugins/. All other tests run as eve
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
+from typing import Any
 
 import pytest
 
@@ -29,6 +31,15 @@ def driving() -> tuple[str, ...]:
         for name in names()
         if any(Capability.MOBILE_BASE in variant.capabilities for variant in installed().backends[name].variants)
     )
+
+
+QUICK = ("kinematic", "pybullet")
+"""The reference and one simulator. What is not about simulators is tested on the others by the long tests."""
+
+
+def quick(backends: Iterable[str]) -> list[Any]:
+    """Parameters for `backends`, those that are not `QUICK` marked `long`."""
+    return [name if name in QUICK else pytest.param(name, marks=pytest.mark.long) for name in backends]
 
 
 def chosen(config: pytest.Config) -> tuple[str, ...]:

@@ -1,9 +1,12 @@
 """Settings that every test shares."""
 
+import dataclasses
+import os
+import shutil
 import subprocess
 import sys
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,28 +14,27 @@ import backend_option
 import installing
 import pytest
 import torch
+from kills import call_until
+from sharing import made_once
 
 # Compiles the task: the first compilation on a machine is announced on stderr, which tests of processes compare.
 import causalbench.core.kinematic.mobile
 import causalbench.core.tasks.mobile_manipulation
 import causalbench.core.tasks.pure_manipulation  # noqa: F401
+from causalbench.cli.app import main
 from causalbench.core.staged.env import StageTaskEnv
 from causalbench.core.world.scene import Scene
-from causalbench.plugins.manager import installed
+from causalbench.plugins import manager
+from causalbench.plugins.manager import installed, load_plugins
 from causalbench.registration import make_env
 
 # Two threads in each of several test processes on a few cores wait for each other: up to 50 times slower.
 torch.set_num_threads(1)
 
 
-@pytest.fixture
-def backends(request: pytest.FixtureRequest) -> tuple[str, ...]:
-    """Names of all backends under test."""
-    return backend_option.chosen(request.config)
-
-
-@pytest.fixture(params=backend_option.names())
+@pytest.fixture(params=backend_option.quick(backend_option.names()))
 def backend(request: pytest.FixtureRequest) -> str:
+    """Each backend, most of them in long tests; what has to be seen in each one is parametrized over all names."""
     return request.param
 
 
@@ -64,7 +66,7 @@ def make_pure(backend: str) -> Iterator[Callable[..., StageTaskEnv]]:
         env.close()
 
 
-@pytest.fixture(params=backend_option.driving())
+@pytest.fixture(params=backend_option.quick(backend_option.driving()))
 def mobile_env(request: pytest.FixtureRequest) -> Iterator[StageTaskEnv]:
     """Mobile manipulation in one backend."""
     env = make_env("mobile_manipulation", request.param)
@@ -95,9 +97,8 @@ def install(tmp_path: Path) -> Callable[[str, str], Path]:
 @pytest.fixture(scope="module")
 def site(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder in which the distribution that the test module names as its `EXAMPLE` is installed."""
-    folder = tmp_path_factory.mktemp("site")
-    installing.install(request.module.EXAMPLE, folder)
-    return folder
+    example = request.module.EXAMPLE
+    return made_once(tmp_path_factory, f"site_{example.name}", partial(installing.install, example))
 
 
 TINY = """\
@@ -131,17 +132,61 @@ def command() -> list[str]:
     return [str(script)] if script.exists() else [sys.executable, "-m", "causalbench"]
 
 
-@pytest.fixture(scope="session")
-def timed_run(tiny_suite: Path, command: list[str], tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, float]:
-    """The folder of an uninterrupted run of the tiny suite, and the seconds it took."""
-    out = tmp_path_factory.mktemp("run") / "whole"
-    arguments = ["run", str(tiny_suite), "--tier", "smoke", "--out", str(out), "--jobs", "2"]
-    started = time.monotonic()
-    subprocess.run([*command, *arguments], capture_output=True, text=True, check=True)
-    return out, time.monotonic() - started
+@pytest.fixture
+def cli(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> Callable[..., subprocess.CompletedProcess[str]]:
+    """A function that calls the command line in an empty folder and in this process, which has imported all it needs.
+
+    What the fork server is for needs a process of its own, see `command`.
+    """
+    monkeypatch.chdir(tmp_path)
+
+    def call(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+        capsys.readouterr()
+        monkeypatch.setattr(sys, "argv", ["causalbench", *map(str, arguments)])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        out, err = capsys.readouterr()
+        return subprocess.CompletedProcess(sys.argv, int(ended.value.code or 0), out, err)
+
+    return call
+
+
+@pytest.fixture
+def use_plugins(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
+    """A function that installs what lies in the folder `site`, for commands of this process and those they start.
+
+    With names of `backends` all others are as if not installed.
+    """
+
+    def use(site: Path | None = None, backends: Sequence[str] = ()) -> None:
+        if site:
+            monkeypatch.syspath_prepend(site)
+            monkeypatch.setenv("PYTHONPATH", str(site), prepend=os.pathsep)
+        found = load_plugins()
+        few = {name: backend for name, backend in found.backends.items() if name in backends or not backends}
+        monkeypatch.setattr(manager, "installed", lambda: dataclasses.replace(found, backends=few))
+
+    return use
 
 
 @pytest.fixture(scope="session")
-def finished_run(timed_run: tuple[Path, float]) -> Path:
+def counted_run(tiny_suite: Path, command: list[str], tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, int]:
+    """The folder of an uninterrupted run of the tiny suite, and how many moves (see `kills`) it took."""
+
+    def make(folder: Path) -> None:
+        call = [*command, "run", str(tiny_suite), "--tier", "smoke", "--out", str(folder / "whole"), "--jobs", "2"]
+        code, moves = call_until([*call, "--checkpoint-every", "20"], folder)
+        assert code == 0
+        (folder / "moves").write_text(str(moves))
+
+    made = made_once(tmp_path_factory, "tiny_run", make)
+    own = tmp_path_factory.mktemp("run") / "whole"  # commands that lock it must not meet
+    return shutil.copytree(made / "whole", own), int((made / "moves").read_text())
+
+
+@pytest.fixture(scope="session")
+def finished_run(counted_run: tuple[Path, int]) -> Path:
     """The folder of an uninterrupted run of the tiny suite; tests must not change it."""
-    return timed_run[0]
+    return counted_run[0]

@@ -12,7 +12,7 @@ OPTIONS = ["--quiet", "--no-deps", "--no-index", "--no-build-isolation", "--disa
 
 
 def install(folder: Path, site: Path) -> None:
-    """Install the distribution in `folder` into the new folder `site`."""
+    """Install the distribution in `folder` into the empty folder `site`."""
     pip = [sys.executable, "-m", "pip", "install", *OPTIONS, "--target", str(site), str(folder)]
     subprocess.run(pip, check=True, capture_output=True, text=True)
 

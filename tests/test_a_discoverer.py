@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -67,27 +68,30 @@ def test_a_suite_sets_its_setting_and_shows_its_evidence(site: Path, tmp_path: P
     ],
 )
 def test_a_suite_that_mistakes_its_setting_is_refused_where_it_stands(
-    site: Path, tmp_path: Path, old: str, new: str, message: str
+    site: Path, use_plugins: Callable, cli: Callable, tmp_path: Path, old: str, new: str, message: str
 ) -> None:
+    use_plugins(site)
     (tmp_path / "ranked.yaml").write_text(SUITE.replace(old, new))
-    done = call(tmp_path, site, "causalbench", "plan", "ranked.yaml", "--tier", "smoke")
+    done = cli("plan", "ranked.yaml", "--tier", "smoke")
     assert done.returncode == 2
     assert f"ranked.yaml:8: {message}" in done.stderr
 
 
-def test_a_value_out_of_bounds_is_refused_on_the_command_line(site: Path, tmp_path: Path) -> None:
+def test_a_value_out_of_bounds_is_refused_on_the_command_line(site: Path, use_plugins: Callable, cli: Callable) -> None:
+    use_plugins(site)
     for setting, message in (
         ("threshold=1.5", "--set threshold: should be less than 1, got 1.5"),
         ("training_count=many", "--set training_count: should be a valid integer, got 'many'"),
     ):
-        arguments = ("causalbench", "discover", "--discoverer", "rank_correlation", "--set", setting)
-        done = call(tmp_path, site, *arguments)
+        done = cli("discover", "--discoverer", "rank_correlation", "--set", setting)
         assert done.returncode == 2
         assert message in done.stderr
 
 
-def test_a_setting_that_it_does_not_have_is_refused_with_the_nearest(site: Path, tmp_path: Path) -> None:
-    arguments = ("causalbench", "discover", "--discoverer", "rank_correlation", "--set", "treshold=0.15")
-    done = call(tmp_path, site, *arguments)
+def test_a_setting_that_it_does_not_have_is_refused_with_the_nearest(
+    site: Path, use_plugins: Callable, cli: Callable
+) -> None:
+    use_plugins(site)
+    done = cli("discover", "--discoverer", "rank_correlation", "--set", "treshold=0.15")
     assert done.returncode == 2
     assert "unknown setting of discoverer 'rank_correlation' 'treshold'. Did you mean 'threshold'?" in done.stderr

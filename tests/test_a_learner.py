@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import pandas as pd
 import pytest
 from installing import call, imports_of_causalbench
+from sharing import made_once
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "a_learner"
 MODULES = sorted((EXAMPLE / "causalbench_cross_entropy").glob("*.py"))
@@ -17,10 +19,12 @@ RUN = ("causalbench", "run", str(EXAMPLE / "suite.yaml"), "--tier", "smoke", "--
 @pytest.fixture(scope="module")
 def finished(site: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of the smoke run of its suite."""
-    folder = tmp_path_factory.mktemp("work")
-    done = call(folder, site, *RUN)
-    assert done.returncode == 0, done.stderr
-    return folder / "run"
+
+    def make(folder: Path) -> None:
+        done = call(folder, site, *RUN)
+        assert done.returncode == 0, done.stderr
+
+    return made_once(tmp_path_factory, "cross_entropy_run", make) / "run"
 
 
 def test_it_is_short_and_imports_from_causalbench_what_the_facades_offer() -> None:
@@ -72,15 +76,18 @@ def test_a_search_of_its_own_finds_what_gradients_would(site: Path, tmp_path: Pa
     assert call(tmp_path, site, "quadratic").stdout == "True 40\n"
 
 
-def test_a_setting_that_it_does_not_have_is_refused_with_the_nearest(site: Path, tmp_path: Path) -> None:
+def test_a_setting_that_it_does_not_have_is_refused_with_the_nearest(
+    site: Path, use_plugins: Callable, cli: Callable, tmp_path: Path
+) -> None:
+    use_plugins(site)
     text = (EXAMPLE / "suite.yaml").read_text().replace("CEM: {population: 24}", "CEM: {populaton: 24}")
     (tmp_path / "suite.yaml").write_text(text)
-    done = call(tmp_path, site, "causalbench", "plan", "suite.yaml")
+    done = cli("plan", "suite.yaml")
     assert done.returncode == 2
     assert "learner.CEM.populaton: unknown key. Did you mean 'population'?" in done.stderr
 
 
-def test_its_policies_play_and_load(finished: Path, site: Path) -> None:
+def test_its_policies_play_and_load(finished: Path, site: Path, tmp_path: Path) -> None:
     (cell,) = finished.glob("cells/*-mCEM-*")
     code = (
         "import causalbench\n"
@@ -88,5 +95,5 @@ def test_its_policies_play_and_load(finished: Path, site: Path) -> None:
         f"action, _ = causalbench.load_policy({str(cell / 'policy')!r}).predict(env.reset(seed=0)[0])\n"
         "print(env.action_space.contains(action))"
     )
-    (finished / "loads.py").write_text(code)
-    assert call(finished, site, "loads").stdout == "True\n"
+    (tmp_path / "loads.py").write_text(code)
+    assert call(tmp_path, site, "loads").stdout == "True\n"

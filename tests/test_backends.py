@@ -32,6 +32,7 @@ def test_every_plugin_loads():
     assert {row.distribution: row.error for row in installed().rows if row.error} == {}
 
 
+@pytest.mark.parametrize("backend", backend_option.names())
 def test_the_simulator_is_installed(backend):
     assert installed().problem(backend) == ""
 

@@ -44,20 +44,27 @@ def test_its_own_tests_are_the_contract(folder: Path) -> None:
     assert f"3 passed, 1 skipped, {len(CHECKS) - 4} deselected" in done.stdout, done.stdout
 
 
+RULES = ",".join(tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["ruff"]["lint"]["select"])
+ISOLATED = ("--isolated", "--line-length", "120")
+
+
+@pytest.mark.parametrize("name", ["x", "a_name_as_long_as_that_of_some_simulators"])
 @pytest.mark.parametrize(
-    "name", [pytest.param("x", marks=pytest.mark.long), "a_name_as_long_as_that_of_some_simulators"]
+    "tool",
+    [
+        ("ruff", "check", *ISOLATED, "--select", RULES, "--ignore", "D107", "tests"),
+        ("ruff", "format", *ISOLATED, "--check", "tests"),
+        pytest.param(
+            ("mypy", "--strict", "--follow-imports", "silent", "--cache-dir", os.devnull), marks=pytest.mark.long
+        ),
+    ],
+    ids=["ruff check", "ruff format", "mypy"],
 )
-def test_it_is_clean_whatever_its_name(name: str, tmp_path: Path) -> None:
+def test_it_is_clean_whatever_its_name(tool: tuple[str, ...], name: str, tmp_path: Path) -> None:
     folder = write_backend(name, tmp_path)
-    rules = ",".join(tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["ruff"]["lint"]["select"])
-    options = ["--isolated", "--line-length", "120", f"causalbench_{name}", "tests"]
-    for tool in (
-        ["ruff", "check", "--select", rules, "--ignore", "D107", *options],
-        ["ruff", "format", "--check", *options],
-        ["mypy", "--strict", "--follow-imports", "silent", "--cache-dir", os.devnull, f"causalbench_{name}"],
-    ):
-        done = call(folder, folder, *tool, MYPYPATH=str(ROOT))  # mypy does not see what pip installed editable
-        assert done.returncode == 0, done.stdout + done.stderr
+    # mypy does not see what pip installed editable.
+    done = call(folder, folder, *tool, f"causalbench_{name}", MYPYPATH=str(ROOT))
+    assert done.returncode == 0, done.stdout + done.stderr
 
 
 def test_it_marks_what_to_replace_in_the_order_of_the_contract(folder: Path) -> None:

@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 
+import backend_option
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -42,6 +43,7 @@ except Exception as error:
 """
 
 
+@pytest.mark.parametrize("backend", backend_option.names())
 def test_state_alone_needs_no_renderer(backend: str) -> None:
     """MuJoCo draws with OpenGL; Bullet's and the kinematic pictures are drawn by the processor alone.
 
@@ -73,6 +75,7 @@ def projected(env: StageTaskEnv, point: NDArray[np.float64], size: tuple[int, in
     return np.array([size[0] / 2 + scale * (offset @ right), size[1] / 2 - scale * (offset @ up)]) - 0.5
 
 
+@pytest.mark.parametrize("backend", backend_option.names())
 @pytest.mark.parametrize("size", [(64, 48), (320, 240)])
 def test_the_box_is_where_a_pinhole_camera_sees_it(backend: str, size: tuple[int, int]) -> None:
     env = make_env(backend=backend)
@@ -105,6 +108,7 @@ def test_a_camera_that_does_not_exist_is_named(backend: str) -> None:
     env.close()
 
 
+@pytest.mark.parametrize("backend", backend_option.names())
 def test_pictures_of_several_worlds_do_not_mix(backend: str) -> None:
     """Worlds of one process share what draws them."""
     alone = []

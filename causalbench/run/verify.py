@@ -10,8 +10,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from scipy.stats import binomtest
-
 from causalbench.errors import UserError
 from causalbench.plugins.manager import Plugins
 from causalbench.run.cell import Keeping
@@ -113,6 +111,8 @@ def _result(before: StoredCell, now: StoredCell) -> str:
         pairs = zip(before.graph().stages, now.graph().stages, strict=True)
         edges = sum(int((old.matrix != new.matrix).sum()) for old, new in pairs)
         return "the same causal matrix" if edges == 0 else f"{edges} edges of the causal matrix differ"
+    from scipy.stats import binomtest
+
     one, other = before.evaluations()[-1], now.evaluations()[-1]
     then, later = (
         binomtest(round(found.success_deterministic * found.episodes), found.episodes).proportion_ci(method="wilson")

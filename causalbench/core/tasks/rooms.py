@@ -1,22 +1,24 @@
 """Furnished living rooms as engine-neutral boxes, and the ground on which a robot can stand and turn in them.
 
 World frame: the origin is the middle of the floor. Every plan has the same fixtures at other places, so that a
-simulator moves boxes from reset to reset and never builds a new world.
+simulator moves boxes from reset to reset and never builds a new world. Parts of scipy are imported where a map is made:
+commands that need none start sooner.
 """
 
 from __future__ import annotations
 
 import functools
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import dijkstra
 
 from causalbench.core.numerics import rotations
 from causalbench.core.world.layout import Box, box_rows
+
+if TYPE_CHECKING:
+    from scipy.sparse import coo_array
 
 Array = NDArray[np.float64]
 
@@ -126,6 +128,8 @@ class Ground:
         """Length (nx, ny) in metres of the shortest way over free cells from that of `point`; infinite elsewhere."""
         cell = self.cell(point)
         if cell not in self._ways:
+            from scipy.sparse.csgraph import dijkstra
+
             if len(self._ways) == WAYS_KEPT:
                 del self._ways[next(iter(self._ways))]
             number = int(np.ravel_multi_index(cell, self.free.shape))
@@ -152,6 +156,8 @@ class Ground:
 
 def _largest_part(free: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """The largest connected part of `free` (nx, ny), cells that touch at a corner being neighbours."""
+    from scipy import ndimage
+
     parts, _ = ndimage.label(free, np.ones((3, 3)))
     largest: NDArray[np.bool_] = free & (parts == np.bincount(parts[free], minlength=1).argmax())
     return largest
@@ -159,6 +165,8 @@ def _largest_part(free: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 def _ways_between(free: NDArray[np.bool_]) -> coo_array:
     """Lengths in metres of the ways between neighbouring free cells, which are numbered row by row."""
+    from scipy.sparse import coo_array
+
     padded = np.pad(np.where(free, np.arange(free.size).reshape(free.shape), -1), 1, constant_values=-1)
     here = padded[1:-1, 1:-1].ravel()
     pairs, lengths = [], []

@@ -2,6 +2,7 @@
 
 import ast
 import dataclasses
+import functools
 import subprocess
 import sys
 from pathlib import Path
@@ -34,14 +35,11 @@ def _planted(previous, action, now):
     return np.stack([action[..., 0], np.full(action.shape[:-1], -0.5)], axis=-1)
 
 
-@pytest.fixture(scope="module")
-def graphs():
-    """A small graph of every discoverer."""
-    shared = {"training_count": 160}
-    return {
-        name: discover(toy_task(_planted, 2), make_toy, row.configure("quick", shared, QUICK.get(name)), 0, _quiet)
-        for name, row in DISCOVERERS.items()
-    }
+@functools.cache
+def graph_of(name):
+    """A small graph of one discoverer."""
+    settings = DISCOVERERS[name].configure("quick", {"training_count": 160}, QUICK.get(name))
+    return discover(toy_task(_planted, 2), make_toy, settings, 0, _quiet)
 
 
 @pytest.mark.parametrize("name", DISCOVERERS)
@@ -96,8 +94,8 @@ def test_the_record_of_another_discoverer_is_refused():
 
 
 @pytest.mark.parametrize("name", DISCOVERERS)
-def test_evidence_is_described_and_there(name, graphs):
-    graph, row = graphs[name], DISCOVERERS[name]
+def test_evidence_is_described_and_there(name):
+    graph, row = graph_of(name), DISCOVERERS[name]
     (stage,) = graph.stages
     assert graph.columns == row.evidence
     assert {column.name for column in row.evidence} == set(stage.evidence)
@@ -110,8 +108,8 @@ def test_evidence_is_described_and_there(name, graphs):
 
 
 @pytest.mark.parametrize("name", DISCOVERERS)
-def test_a_graph_comes_back_from_its_file_and_names_its_settings(name, graphs, tmp_path):
-    graph = graphs[name]
+def test_a_graph_comes_back_from_its_file_and_names_its_settings(name, tmp_path):
+    graph = graph_of(name)
     (tmp_path / "graph.json").write_text(graph.to_json())
     again = CausalGraph.load(tmp_path / "graph.json")
     assert again.hash == graph.hash
@@ -123,8 +121,8 @@ def test_a_graph_comes_back_from_its_file_and_names_its_settings(name, graphs, t
 
 
 @pytest.mark.parametrize("name", DISCOVERERS)
-def test_rows_of_edges_have_the_same_columns_for_all_and_then_the_evidence(name, graphs):
-    graph = graphs[name]
+def test_rows_of_edges_have_the_same_columns_for_all_and_then_the_evidence(name):
+    graph = graph_of(name)
     table = list(edge_rows(graph))
     shown = [column.name for column in graph.columns if column.per != "stage"]
     assert list(table[0]) == [*EDGE, *shown]

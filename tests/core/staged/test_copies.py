@@ -5,10 +5,10 @@ import pickle
 from collections.abc import Callable
 from typing import Any
 
+import backend_option
 import gymnasium as gym
 import numpy as np
 import pytest
-from backend_option import driving
 
 from causalbench.core.staged.env import StageTaskEnv, VectorReward
 from causalbench.core.staged.scene_worlds import SceneWorlds
@@ -45,13 +45,14 @@ def check_copy(env: Any, way: str, steps: int = 2) -> None:
     env.step(np.zeros(env.action_space.shape, np.float32))  # lives on
 
 
+@pytest.mark.parametrize("backend", backend_option.names())
 @pytest.mark.parametrize("way", WAYS)
 def test_a_copy_goes_on_by_itself_bit_for_bit(make_pure: Make, way: str) -> None:
     check_copy(make_pure(), way)
 
 
 @pytest.mark.parametrize("way", WAYS)
-@pytest.mark.parametrize("backend", driving())
+@pytest.mark.parametrize("backend", backend_option.driving())
 def test_a_copy_of_a_robot_that_drives_does_so_too(backend: str, way: str) -> None:
     env = make_env("mobile_manipulation", backend, observe="state")
     check_copy(env, way)

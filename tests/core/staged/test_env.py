@@ -8,6 +8,7 @@ import inspect
 import subprocess
 import sys
 
+import backend_option
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -141,6 +142,7 @@ def test_a_scene_without_pictures_is_refused_the_papers_observation():
         StageTaskEnv(SceneWorlds(TASK, scene), observe="paper")
 
 
+@pytest.mark.parametrize("backend", backend_option.names())
 def test_info_and_observation_of_an_episode(env):
     obs, info = env.reset(seed=0)
     assert info == {"stage": 1}
@@ -274,6 +276,7 @@ def test_one_seed_gives_one_trajectory(make_pure):
     assert digest(first, 6) != expected
 
 
+@pytest.mark.parametrize("backend", backend_option.names())
 def test_one_seed_gives_one_trajectory_in_a_new_process(make_pure, backend):
     script = "\n".join(
         [

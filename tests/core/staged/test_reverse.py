@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 
+import backend_option
 import numpy as np
 import pytest
 
@@ -30,6 +31,7 @@ def test_a_share_that_makes_no_sense_is_refused(share: dict[str, float]) -> None
         dataclasses.replace(TASK, reverse_share=share)
 
 
+@pytest.mark.parametrize("backend", backend_option.names())
 def test_reverse_is_a_fifth_of_the_speed_in_every_backend(backend: str) -> None:
     """On the way ahead and, from the same start turned to the other side, back."""
     env = make_env("mobile_manipulation", backend)
