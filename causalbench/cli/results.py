@@ -50,7 +50,7 @@ def play(
     only: Only = None,
     episodes: Annotated[int, typer.Option(min=1, help="Episodes of each policy.")] = 1,
 ) -> None:
-    """Film trained policies of a run: videos/*.mp4 in its folder."""
+    """Film trained policies of a run: videos/*.mp4 in its folder, which `report` then shows."""
     from causalbench.cli.terminal_tables import print_problems
     from causalbench.run.play import play
     from causalbench.store.run_folder import RunFolder

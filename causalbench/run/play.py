@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import closing
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,8 @@ from causalbench.plugins.manager import installed
 from causalbench.plugins.venues import worlds_maker
 from causalbench.store.cells import StoredCell
 from causalbench.store.claim import own_folder
+from causalbench.store.episodes import run_lengths
+from causalbench.store.films import VIDEOS, Film, write_film
 from causalbench.store.run_folder import RunFolder
 from causalbench.suite.selection import Selection
 
@@ -29,17 +32,24 @@ STILL = 1.0  # s for which the end of an episode stays in view
 Frame = NDArray[np.uint8]
 
 
+class Shot(NamedTuple):
+    """A picture (480, 640, 3), and the stage that it shows; n_stages + 1 once the episode succeeded."""
+
+    picture: Frame
+    stage: int
+
+
 def play(run: RunFolder, only: Sequence[str], episodes: int) -> Iterator[Path]:
     """Film `episodes` of every finished policy that `only` keeps; the files, each once it is whole.
 
-    They are `videos/<cell id>.mp4` in the run's folder, at the speed of the world. Raises `UserError` when there is
-    nothing to film or nothing to film it with.
+    They are `videos/<cell id>.mp4` in the run's folder, at the speed of the world, each with its stages in a .json
+    beside it. Raises `UserError` when there is nothing to film or nothing to film it with.
     """
     selection = Selection.parse(only)
     cells = [cell for cell in run.cells() if cell.is_done("learner") and selection.keeps(cell.identity)]
     if not cells:
         raise UserError(f"{run.path}: no finished policy here, or none that --only keeps")
-    videos = own_folder(run.path / "videos")
+    videos = own_folder(run.path / VIDEOS)
     for cell in cells:
         yield _film(cell, videos / f"{cell.id}.mp4", episodes)
 
@@ -58,19 +68,22 @@ def _film(cell: StoredCell, path: Path, episodes: int) -> Path:
     make_worlds = worlds_maker(installed().backend(cell.backend), task, identity["backend"]["options"])
     with closing(StageTaskEnv(make_worlds(), None, *observed(identity["learner"]).values())) as env:
         look = {"fps": env.metadata["render_fps"], "codec": "libx264", "quality": 8}
+        stages = []
         with replacing(path) as temporary, imageio.get_writer(temporary, **look) as writer:
             for episode in range(episodes):
-                for frame in film_episode(policy, env, first_start + episode, title):
-                    writer.append_data(frame)  # type: ignore[attr-defined]
+                for shot in film_episode(policy, env, first_start + episode, title):
+                    writer.append_data(shot.picture)  # type: ignore[attr-defined]
+                    stages.append(shot.stage)
+        write_film(path, Film(env.metadata["render_fps"], task.n_stages, run_lengths(stages)))
     return path
 
 
-def film_episode(policy: Policy, env: StageTaskEnv, seed: int, title: str) -> Iterator[Frame]:
-    """Pictures (480, 640, 3) of one deterministic episode, with the stage and what happened written on them."""
+def film_episode(policy: Policy, env: StageTaskEnv, seed: int, title: str) -> Iterator[Shot]:
+    """The pictures of one deterministic episode, with the stage and what happened written on them."""
     obs, info = env.reset(seed=seed, options={"stage": 1})
     stage, over, step = info["stage"], False, 0
-    frame = _captioned(env, f"{title}: step 0, stage {stage} of {env.task.n_stages}")
-    yield frame
+    shot = Shot(_captioned(env, f"{title}: step 0, stage {stage} of {env.task.n_stages}"), stage)
+    yield shot
     while not over:
         action, _ = policy.predict(obs)
         obs, _, terminated, truncated, info = env.step(action)
@@ -79,10 +92,11 @@ def film_episode(policy: Policy, env: StageTaskEnv, seed: int, title: str) -> It
         ending = ", the end" if terminated else ", out of time" if truncated else ""
         verdict = ", SUCCESS" if info["is_success"] else ending
         text = f"{title}: step {step}, stage {info['next_stage']} of {env.task.n_stages}{what}{verdict}"
-        frame = _captioned(env, text)
-        yield frame
+        stage = env.task.n_stages + 1 if info["is_success"] else info["next_stage"]
+        shot = Shot(_captioned(env, text), stage)
+        yield shot
     for _ in range(round(STILL * env.metadata["render_fps"])):
-        yield frame
+        yield shot
 
 
 def _captioned(env: StageTaskEnv, text: str) -> Frame:

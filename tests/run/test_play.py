@@ -2,6 +2,7 @@
 
 import shutil
 import subprocess
+from itertools import groupby
 from pathlib import Path
 
 import imageio_ffmpeg
@@ -16,6 +17,7 @@ from causalbench.core.staged.scene_worlds import SceneWorlds
 from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench.errors import UserError
 from causalbench.run.play import STILL, film_episode, play
+from causalbench.store.films import read_film
 from causalbench.store.run_folder import RunFolder
 
 
@@ -29,7 +31,7 @@ def test_a_policy_is_filmed_as_long_as_its_episode_lasts(run: RunFolder) -> None
     (path,) = play(run, ["method=cmSAC"], 1)
     (folder,) = run.path.glob("cells/*-cmSAC-*")
     assert path == run.path / "videos" / f"{folder.name}.mp4"
-    assert list(path.parent.iterdir()) == [path]
+    assert {found.name for found in path.parent.iterdir()} == {path.name, f"{folder.name}.json"}
     policy, env = load_policy(folder / "policy"), StageTaskEnv(SceneWorlds(TASK, make()))
     obs, _ = env.reset(seed=FIRST_START, options={"stage": 1})
     steps, over = 0, False
@@ -42,6 +44,9 @@ def test_a_policy_is_filmed_as_long_as_its_episode_lasts(run: RunFolder) -> None
     assert b" 10 fps" in done.stderr
     frames = np.frombuffer(done.stdout, np.uint8).reshape(-1, 480, 640, 3)
     assert len(frames) == steps + 1 + round(10 * STILL)
+    film = read_film(path)
+    assert (film.fps, film.n_stages) == (10, 4)
+    assert sum(n for _, n in film.runs) == len(frames)
     assert np.abs(frames[0].astype(int) - frames[steps]).mean() > 1  # it moved
 
 
@@ -61,7 +66,9 @@ def test_every_frame_is_the_scene_with_its_stage_written_above(monkeypatch: pyte
 
     real = module._captioned
     monkeypatch.setattr(module, "_captioned", lambda env, text: texts.append(text) or real(env, text))
-    frames = list(film_episode(Expert(env), env, 0, "expert"))
+    shots = list(film_episode(Expert(env), env, 0, "expert"))
+    frames = [shot.picture for shot in shots]
+    assert [stage for stage, _ in groupby(shot.stage for shot in shots)] == [1, 2, 3, 4, 5]
     assert texts[0] == "expert: step 0, stage 1 of 4"
     assert texts[-1].endswith("stage 4 of 4, SUCCESS")
     assert len(frames) == len(texts) + 10

@@ -1,5 +1,5 @@
 "use strict";
-// Sorting and filtering; without this script the page shows everything.
+// Sorting, filtering, and the ribbon of a film; without this script the page shows everything.
 
 function sortBy(table, index, ascending) {
   const rows = [...table.tBodies[0].rows];
@@ -42,6 +42,23 @@ function filter(form) {
   }
 }
 
+function follow(film) {
+  const [video, ribbon, said] = ["video", ".ribbon", "output"].map((name) => film.querySelector(name));
+  const stretches = [...ribbon.querySelectorAll("i")];
+  const show = () => {
+    if (video.duration) ribbon.querySelector("b").style.left = `${(100 * video.currentTime) / video.duration}%`;
+    const now = stretches.filter((stretch) => Number(stretch.dataset.start) <= video.currentTime + 1e-6).pop();
+    said.textContent = now.title;
+    if (!video.paused) requestAnimationFrame(show);
+  };
+  for (const event of ["play", "seeked", "timeupdate", "loadedmetadata"]) video.addEventListener(event, show);
+  ribbon.addEventListener("click", (event) => {
+    const { left, width } = ribbon.getBoundingClientRect();
+    if (video.duration) video.currentTime = (video.duration * (event.clientX - left)) / width;
+  });
+}
+
+document.querySelectorAll(".film").forEach(follow);
 document.querySelectorAll("table.sortable").forEach(makeSortable);
 const form = document.getElementById("filters");
 form.hidden = !form.querySelector("input");

@@ -16,7 +16,18 @@ from markupsafe import Markup
 from causalbench._version import __version__
 from causalbench.atomic import write_folder, write_text
 from causalbench.report.figures import FIGURES
-from causalbench.report.html import board, causes, controls, curves, failures, flow, provenance, reversal, verdicts
+from causalbench.report.html import (
+    board,
+    causes,
+    controls,
+    curves,
+    failures,
+    films,
+    flow,
+    provenance,
+    reversal,
+    verdicts,
+)
 from causalbench.report.html.multiples import Multiples
 from causalbench.report.html.source import Source, read_source
 from causalbench.report.html.wording import count, listed
@@ -25,7 +36,7 @@ from causalbench.report.pastable import leaderboard_md, leaderboard_tex
 REPORT = "report.html"
 SECTIONS = (
     verdicts.section, board.section, curves.section, reversal.section, causes.section, curves.cost_section,
-    controls.section, failures.section, provenance.section,
+    controls.section, films.section, failures.section, provenance.section,
 )  # fmt: skip
 """What the page says, in its order."""
 

@@ -152,6 +152,29 @@ class Verdict:
 
 
 @dataclass(frozen=True)
+class Stretch:
+    """A stretch of a film in one stage: where it begins and how long it is in per cent, and its start in seconds."""
+
+    name: str
+    colour: str
+    left: float
+    width: float
+    start: float
+
+
+@dataclass(frozen=True)
+class FilmBlock:
+    """A film with the ribbon of its stages."""
+
+    kind: ClassVar[str] = "film"
+    title: str
+    source: str
+    ribbon: Sequence[Stretch]
+    backend: str
+    method: str
+
+
+@dataclass(frozen=True)
 class Text:
     """Text as it stands, such as a log."""
 

@@ -7,6 +7,7 @@ import json
 import shutil
 from pathlib import Path
 
+import imageio.v2 as imageio
 import numpy as np
 import pytest
 from stored import LEARNER, PlannedCell, discovered, episode, finished
@@ -16,6 +17,8 @@ from causalbench.core.discovery.graph import CausalGraph, EvidenceColumn, manual
 from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench.report.html.source import Source, read_source
 from causalbench.store.cells import LOG, Status
+from causalbench.store.claim import own_folder
+from causalbench.store.films import VIDEOS, Film, write_film
 from causalbench.store.run_folder import RunFolder
 from causalbench.suite.hypotheses import Statement
 
@@ -48,6 +51,15 @@ def oracle_table() -> str:
     return "\n".join(lines) + "\n"
 
 
+def _film(run: RunFolder, cell: str) -> None:
+    """Three seconds of a film: two in stage 1, one in stage 2."""
+    path = own_folder(run.path / VIDEOS) / f"{cell}.mp4"
+    with imageio.get_writer(path, fps=10, codec="libx264") as writer:
+        for frame in range(30):
+            writer.append_data(np.full((48, 64, 3), 8 * frame, dtype=np.uint8))
+    write_film(path, Film(10.0, 3, "1x20 2x10"))
+
+
 @pytest.fixture(scope="session")
 def shown_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two methods on two backends with five seeds, discoveries, a failure, a skipped cell; tests must not change it."""
@@ -70,6 +82,7 @@ def shown_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (run.start(failing) / LOG).write_text(f"before\n{HOSTILE}\n")
     run.finish(failing, Status("failed", f"ended with {HOSTILE}"))
     run.finish(PlannedCell(LEARNER | {"seed": 8}), Status("skipped", "the robot does not drive"))
+    _film(run, next(cell.id for cell in run.cells() if (cell.method, cell.backend) == ("cm", "physical")))
     run.add_session({"command": ["causalbench", HOSTILE], "cpu": HOSTILE, "known_gaps": {"physical": {"S9": HOSTILE}}})
     (run.path / "suite.yaml").write_text(json.dumps(HOSTILE))
     return run.path

@@ -152,3 +152,24 @@ def test_the_data_of_a_figure_can_be_saved(opened: Opened, tmp_path: Path) -> No
     lines = (tmp_path / "curves-physical.csv").read_text().splitlines()
     assert lines[0].startswith("backend,method,grid_point,env_steps,success")
     assert len(lines) == 1 + 2 * 3
+
+
+def test_a_film_plays_with_its_ribbon_in_step(opened: Opened) -> None:
+    film = opened.page.locator(".film")
+    assert film.locator("figcaption").inner_text() == "cm on physical, seed 0"
+    assert film.locator("output").inner_text() == "stage 1 of 3"
+    video = film.locator("video")
+    seconds = video.evaluate(
+        "video => new Promise(done => { video.onseeked = () => video.play();"
+        " video.ontimeupdate = () => { if (video.currentTime > 2.2) { video.pause(); done(video.duration); } };"
+        " video.currentTime = 1.9; })"
+    )
+    assert seconds == pytest.approx(3.0, abs=0.15)
+    opened.page.wait_for_function("document.querySelector('.film output').textContent === 'stage 2 of 3'")
+    at = video.evaluate("video => 100 * video.currentTime / video.duration")
+    needle = float(film.locator(".ribbon b").evaluate("needle => needle.style.left").rstrip("%"))
+    assert needle == pytest.approx(at, abs=10)
+    box = film.locator(".ribbon").bounding_box()
+    film.locator(".ribbon").click(position={"x": box["width"] / 6, "y": 5})
+    opened.page.wait_for_function("document.querySelector('.film output').textContent === 'stage 1 of 3'")
+    assert opened.said == []
