@@ -123,7 +123,12 @@ def table_rows(path: Path, columns: Sequence[str] = ()) -> list[dict[str, str]]:
 
 
 def write_rows(path: Path, columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> None:
-    """Replace the CSV file `path`; None is an empty cell, floats are written so that they read back bit for bit.
+    """Replace the CSV file `path` by `csv_text`."""
+    write_text(path, csv_text(columns, rows))
+
+
+def csv_text(columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> str:
+    """A table as CSV; None is an empty cell, floats are written so that they read back bit for bit.
 
     Text that a spreadsheet would take for a formula gets an apostrophe before it.
     """
@@ -131,7 +136,7 @@ def write_rows(path: Path, columns: Sequence[str], rows: Iterable[Mapping[str, A
     writer = csv.DictWriter(buffer, columns, lineterminator="\n")
     writer.writeheader()
     writer.writerows({name: _no_formula(value) for name, value in row.items()} for row in rows)
-    write_text(path, buffer.getvalue())
+    return buffer.getvalue()
 
 
 def _no_formula(value: Any) -> Any:

@@ -10,6 +10,8 @@ from typing import Any, ClassVar
 import pandas as pd
 from markupsafe import Markup
 
+from causalbench.store.records import csv_text
+
 
 @dataclass(frozen=True)
 class Download:
@@ -21,7 +23,9 @@ class Download:
     @classmethod
     def csv(cls, name: str, frame: pd.DataFrame) -> Download:
         """`frame` as the CSV file `name`."""
-        return cls(name, data_uri("text/csv", frame.to_csv(index=False, lineterminator="\n").encode()))
+        plain = frame.astype(object).where(frame.notna(), None)
+        rows = ({str(key): value for key, value in row.items()} for row in plain.to_dict("records"))
+        return cls(name, data_uri("text/csv", csv_text(list(map(str, frame.columns)), rows).encode()))
 
 
 def data_uri(mime: str, content: bytes) -> str:

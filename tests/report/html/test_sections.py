@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 from types import SimpleNamespace
 from typing import Any
 
@@ -12,7 +13,7 @@ import scipy.integrate
 
 from causalbench.report import stats
 from causalbench.report.html import causes, controls, curves, failures, flow, reversal, verdicts
-from causalbench.report.html.parts import Matrix, Table, Verdict
+from causalbench.report.html.parts import Download, Matrix, Table, Verdict
 from causalbench.report.html.source import Source
 
 
@@ -72,6 +73,12 @@ def test_stages_are_added_up_over_seeds(source: Source) -> None:
     counts = ["episodes", "episodes_reached", "episodes_held", "episodes_recovered", "episodes_lost", "falls"]
     assert list(second[counts]) == [10, 10, 0, 5, 5, 10]
     assert list(rows["episodes_held"]) == [10, 0, 5, 5]
+
+
+def test_what_is_saved_is_no_formula_and_reads_back() -> None:
+    frame = pd.DataFrame({"name": ["=1+1", "-0.5", "b"], "n": pd.array([0.1, None, 3.0], dtype="Float64")})
+    content = base64.b64decode(Download.csv("x.csv", frame).href.partition("base64,")[2]).decode()
+    assert content == "name,n\n'=1+1,0.1\n-0.5,\nb,3.0\n"
 
 
 def test_every_reached_episode_has_one_fate(source: Source) -> None:
