@@ -72,6 +72,10 @@ class DivergedError(CausalbenchError):
     """Raised when a loss explodes or a loss or weight is no longer finite: the cell ends as `diverged`."""
 
 
+class StoppedError(CausalbenchError):
+    """Raised by a training run that was asked to stop, once its checkpoint is written."""
+
+
 class SuiteError(UserError):
     """Raised when a suite file has a mistake; the message starts with file, line and key."""
 

@@ -32,6 +32,11 @@ class ProcessDiedError(RuntimeError):
     """Raised when a process ends before it has answered; says how it ended."""
 
 
+def cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
+
+
 @dataclass
 class Child:
     """A process of ours and this end of the link to it."""
@@ -42,6 +47,14 @@ class Child:
     def is_alive(self) -> bool:
         """Whether it still runs."""
         return self.process.is_alive()
+
+    def terminate(self) -> None:
+        """Ask it to end, by SIGTERM."""
+        self.process.terminate()
+
+    def wait(self, seconds: float) -> None:
+        """Wait until it has ended, but no longer than `seconds`."""
+        self.process.join(max(seconds, 0.0))
 
     def kill(self) -> None:
         """End it at once, in the middle of whatever it does."""

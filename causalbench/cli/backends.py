@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from causalbench.cli.options import EXIT_FAILED, AsJson, BackendOptions, Jobs, cores, named_values, print_json
+from causalbench.cli.options import EXIT_FAILED, AsJson, BackendOptions, Jobs, named_values, print_json
+from causalbench.processes import cores
 
 
 def backends() -> None:

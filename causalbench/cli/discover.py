@@ -9,9 +9,10 @@ from typing import Annotated, Any
 import typer
 
 from causalbench.cli.execution import execute, use_one_thread_each
-from causalbench.cli.options import EXIT_FAILED, BackendOptions, cores, named_values
+from causalbench.cli.options import EXIT_FAILED, BackendOptions, named_values
 from causalbench.core.discovery.settings import DiscoverySettings
 from causalbench.errors import UserError
+from causalbench.processes import cores
 
 DEFAULT = DiscoverySettings().discoverer
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import signal
+from types import FrameType
 from typing import TYPE_CHECKING
 
 import typer
@@ -20,6 +22,11 @@ def use_one_thread_each() -> None:
     """A cell has one core, and sums must not depend on how many there are: call this before numpy is imported."""
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    """What schedulers send is what Ctrl-C is."""
+    raise KeyboardInterrupt
 
 
 def execute(plan: Plan, folder: RunFolder, file: SuiteFile, execution: Execution, quiet: bool) -> None:
@@ -40,6 +47,7 @@ def execute(plan: Plan, folder: RunFolder, file: SuiteFile, execution: Execution
         write_report(folder.path)
 
     print_problems([folder])
+    signal.signal(signal.SIGTERM, _interrupt)
     try:
         run_plan(plan, folder, file, installed(), execution, view, report)
     except KeyboardInterrupt:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import sys
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any
@@ -23,11 +21,6 @@ Out = Annotated[Path | None, typer.Option(help="Run folder (default: runs/<suite
 Jobs = Annotated[int | None, typer.Option(min=1, help="Cells at a time (default: one per core).")]
 BackendOptions = Annotated[list[str] | None, typer.Option(help="Option of the backend: name=value (repeatable).")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
-
-
-def cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
 
 
 def print_json(content: Any) -> None:

@@ -8,8 +8,9 @@ from typing import Annotated
 import typer
 
 from causalbench.cli.execution import use_one_thread_each
-from causalbench.cli.options import EXIT_FAILED, AsJson, Jobs, Only, cores, print_json
+from causalbench.cli.options import EXIT_FAILED, AsJson, Jobs, Only, print_json
 from causalbench.cli.visible import visible
+from causalbench.processes import cores
 
 
 def leaderboard(

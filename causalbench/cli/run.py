@@ -18,9 +18,10 @@ from causalbench.cli.options import (
     Seeds,
     SuiteArgument,
     Tier,
-    cores,
+    named_values,
     print_json,
 )
+from causalbench.processes import cores
 
 if TYPE_CHECKING:
     from causalbench.store.run_folder import RunFolder
@@ -33,6 +34,8 @@ class ExecutorOption(StrEnum):
 
     serial = "serial"
     processes = "processes"
+    ray = "ray"
+    slurm = "slurm"
 
 
 def run(
@@ -43,8 +46,13 @@ def run(
     out: Out = None,
     jobs: Jobs = None,
     executor: Annotated[
-        ExecutorOption, typer.Option(help="A process per cell, or all in this one.")
+        ExecutorOption,
+        typer.Option(
+            help="A process per cell, all in this one, or a job per cell on a cluster: docs/how-to/cluster.md."
+        ),
     ] = ExecutorOption.processes,
+    ray_address: Annotated[str | None, typer.Option(help="Of the Ray cluster (default: the one of this node).")] = None,
+    slurm: Annotated[list[str] | None, typer.Option(help="Option of sbatch: name=value (repeatable).")] = None,
     timeout: Annotated[float | None, typer.Option(min=0.001, help="Minutes that a cell may take.")] = None,
     retry_failed: Annotated[
         bool, typer.Option(help="Run diverged and timed-out cells again, too; failed ones always are.")
@@ -66,9 +74,9 @@ def run(
         summary_writer()  # says at once if it is missing
     plan, folder, file = _plan(suite, tier, seeds, only, out)
     seconds = None if timeout is None else 60 * timeout
-    execution = Execution(
-        executor.value, jobs or cores(), seconds, retry_failed, Keeping(checkpoint_every, tensorboard)
-    )
+    keeping = Keeping(checkpoint_every, tensorboard)
+    options = named_values(slurm or (), "--slurm", "time=240")
+    execution = Execution(executor.value, jobs, seconds, retry_failed, keeping, ray_address, options)
     execute(plan, folder, file, execution, quiet or as_json)
     states = [folder.status(cell).state for cell in plan.cells]
     _print_run(plan, folder, as_json)

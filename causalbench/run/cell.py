@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import logging
+import os
+import signal
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from types import FrameType
 from typing import TYPE_CHECKING
 
 from causalbench.atomic import write_folder, write_text
@@ -15,7 +18,7 @@ from causalbench.core.discovery.graph import CausalGraph, manual_graph
 from causalbench.core.learners.records import Evaluation, TrainingCounts
 from causalbench.core.tasks.stage_task import StageTask
 from causalbench.digests import source_hash
-from causalbench.errors import CausalbenchError, CheckpointError, DivergedError
+from causalbench.errors import CausalbenchError, CheckpointError, DivergedError, StoppedError
 from causalbench.plugins.manager import Plugins, installed
 from causalbench.plugins.venues import worlds_maker
 from causalbench.run.score_graph import judge_graph
@@ -43,6 +46,7 @@ class Progress:
 
 
 OnProgress = Callable[[Progress], None]
+StopAsked = Callable[[], bool]
 
 LOGGER = logging.getLogger("causalbench")
 
@@ -55,10 +59,40 @@ class Keeping:
     tensorboard: bool = False
 
 
-def run_cell(cell: Cell, run: RunFolder, on_progress: OnProgress, keeping: Keeping, cores: int = 1) -> Status:
+STOPPED = 75
+"""Exit code of a cell's process that was asked to stop and whose cell can go on (`EX_TEMPFAIL`)."""
+
+
+class StopSignal:
+    """What schedulers send, as a question that a training run answers by a checkpoint; it ends at once what never asks.
+
+    Only for a process that runs one cell and nothing else.
+    """
+
+    def __init__(self) -> None:
+        self.came = self.asked = False
+        for number in (signal.SIGTERM, signal.SIGUSR1, signal.SIGUSR2):
+            signal.signal(number, self._on_signal)
+
+    def __call__(self) -> bool:
+        """Whether the signal has come."""
+        self.asked = True
+        return self.came
+
+    def _on_signal(self, number: int, frame: FrameType | None) -> None:
+        self.came = True
+        if not self.asked:
+            os._exit(STOPPED)
+
+
+def run_cell(
+    cell: Cell, run: RunFolder, on_progress: OnProgress, keeping: Keeping, cores: int = 1,
+    stop_asked: StopAsked = lambda: False,
+) -> Status:  # fmt: skip
     """Run `cell`, which `run.start` has prepared, fill its folder and return its status; it may use `cores`.
 
-    An error becomes the status; its traceback goes to `log.txt`.
+    An error becomes the status; its traceback goes to `log.txt`. Raises `StoppedError` when `stop_asked()` and the
+    learner has kept a checkpoint; the cell then stays "running", to be continued.
     """
     folder = run.folder(cell)
     started = time.monotonic()
@@ -68,8 +102,11 @@ def run_cell(cell: Cell, run: RunFolder, on_progress: OnProgress, keeping: Keepi
             if isinstance(cell, DiscoveryCell):
                 steps = _discover(cell, folder, on_progress, cores)
             else:
-                steps = _learn(cell, folder, run, on_progress, keeping)
+                steps = _learn(cell, folder, run, on_progress, keeping, stop_asked)
             status = Status("done", "", time.monotonic() - started, steps, source_of(cell, installed()))
+        except StoppedError as error:
+            LOGGER.info("%s", error)
+            raise
         except (Exception, SystemExit) as error:  # a simulator that exits ends its cell, not the run
             LOGGER.exception("the cell ends here")
             kind = "" if isinstance(error, CausalbenchError) else f"{type(error).__name__}: "
@@ -154,7 +191,9 @@ def write_graph(folder: Path, graph: CausalGraph, human: CausalGraph) -> None:
     write_text(folder / "graph.json", graph.to_json() + "\n")
 
 
-def _learn(cell: LearnerCell, folder: Path, run: RunFolder, on_progress: OnProgress, keeping: Keeping) -> int:
+def _learn(
+    cell: LearnerCell, folder: Path, run: RunFolder, on_progress: OnProgress, keeping: Keeping, stop_asked: StopAsked
+) -> int:
     from causalbench.core.learners.checkpoint import Checkpoints
     from causalbench.core.learners.registry import TrainingProblem
 
@@ -171,7 +210,7 @@ def _learn(cell: LearnerCell, folder: Path, run: RunFolder, on_progress: OnProgr
             seed=cell.seed,
             on_evaluation=watcher.on_evaluation,
             on_progress=watcher.on_progress,
-            checkpoints=Checkpoints(folder / CHECKPOINT, keeping.checkpoint_every),
+            checkpoints=Checkpoints(folder / CHECKPOINT, keeping.checkpoint_every, stop_asked),
         )
         policy, counts = _train(installed().learner(cell.method.learner), problem)
         write_episodes(folder / "episodes.csv", watcher.evaluations[-1].played)

@@ -6,9 +6,9 @@ import os
 import platform
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -17,8 +17,13 @@ from typing import Any
 from causalbench.atomic import write_text
 from causalbench.errors import UserError
 from causalbench.plugins.manager import Plugins
+from causalbench.processes import cores
 from causalbench.run.cell import Keeping
-from causalbench.run.executors import Outcomes, processes, serial
+from causalbench.run.executors.processes import Processes
+from causalbench.run.executors.ray import Ray
+from causalbench.run.executors.schedule import Executor, Outcomes, schedule
+from causalbench.run.executors.serial import Serial
+from causalbench.run.executors.slurm import Slurm
 from causalbench.run.view import View
 from causalbench.store.cells import State, Status
 from causalbench.store.comparable import check_comparable
@@ -35,21 +40,34 @@ PACKAGES = ("causalbench-robotics", "gymnasium", "numpy", "torch", "stable-basel
 
 @dataclass(frozen=True)
 class Execution:
-    """How to run: executor, cells at a time, seconds a cell may take (None: no limit), what to repeat and to keep."""
+    """How to run: executor, cells at a time (None: what there is room for), seconds a cell may take (None: no limit).
+
+    Also what to repeat and to keep, and where a cluster is.
+    """
 
     executor: str
-    jobs: int
+    jobs: int | None
     timeout: float | None
     retry: bool
     keeping: Keeping
+    ray_address: str | None = None
+    slurm: Mapping[str, Any] = field(default_factory=dict)
 
     def outcomes(self, cells: Sequence[Cell], run: RunFolder, view: View) -> Outcomes:
         """Start the executor. Raises `UserError` for a limit that it cannot keep."""
+        if self.timeout is not None and self.executor != "processes":
+            raise UserError("--timeout needs a process per cell on this machine: use --executor processes")
+        return schedule(cells, run, self._executor(len(cells) == 1, run, view))
+
+    def _executor(self, alone: bool, run: RunFolder, view: View) -> Executor:
         if self.executor == "processes":
-            return processes(cells, run, view.on_progress, self.keeping, self.jobs, self.timeout)
-        if self.timeout is not None:
-            raise UserError("--timeout needs a process per cell: use --executor processes")
-        return serial(cells, run, view.on_progress, self.keeping)
+            jobs = self.jobs or cores()
+            return Processes(run, view.on_progress, self.keeping, jobs, self.timeout, alone)
+        if self.executor == "ray":
+            return Ray(run, self.keeping, self.jobs, self.ray_address)
+        if self.executor == "slurm":
+            return Slurm(run, self.keeping, self.jobs, self.slurm)
+        return Serial(run, view.on_progress, self.keeping)
 
 
 def run_plan(

@@ -13,7 +13,8 @@ from typing import Any
 from causalbench.errors import UserError
 from causalbench.plugins.manager import Plugins
 from causalbench.run.cell import Keeping
-from causalbench.run.executors import processes
+from causalbench.run.executors.processes import Processes
+from causalbench.run.executors.schedule import schedule
 from causalbench.run.session import describe_environment
 from causalbench.run.view import View
 from causalbench.store.cells import Status, StoredCell
@@ -87,7 +88,8 @@ def _bring_graph(cell: Cell, chosen: Sequence[Cell], run: RunFolder, again: RunF
 def _run(chosen: Sequence[Cell], again: RunFolder, jobs: int, view: View) -> Iterator[tuple[Cell, Status]]:
     view.begin(chosen, chosen, again)
     try:
-        for cell, status in processes(chosen, again, view.on_progress, Keeping(), jobs):
+        executor = Processes(again, view.on_progress, Keeping(), jobs)
+        for cell, status in schedule(chosen, again, executor):
             view.on_outcome(cell, status)
             yield cell, again.status(cell)
     finally:

@@ -14,7 +14,8 @@ import pytest
 from causalbench.plugins.manager import installed
 from causalbench.run import cell_log
 from causalbench.run.cell_log import LIMIT
-from causalbench.run.executors import PRELOAD, _Queue
+from causalbench.run.executors.processes import PRELOAD
+from causalbench.run.executors.schedule import Queue
 from causalbench.suite.cells import DiscoveryCell, LearnerCell
 from causalbench.suite.plan import make_plan
 from causalbench.suite.schema import load_suite
@@ -161,7 +162,7 @@ def test_cells_start_in_order_as_cores_and_discoveries_allow(tiny_suite: Path) -
     first, second = (cell for cell in cells if isinstance(cell, DiscoveryCell))
     plain = [cell for cell in cells if isinstance(cell, LearnerCell) and cell.discovery is None]
     causal = [cell for cell in cells if isinstance(cell, LearnerCell) and cell.discovery is not None]
-    queue = _Queue(cells)
+    queue = Queue(cells)
     assert [queue.next(3, 3), queue.next(1, 3), queue.next(0, 3)] == [first, plain[0], None]
     queue.ended(first)
     assert [queue.next(1, 3), queue.next(1, 3), queue.next(1, 3)] == [plain[1], causal[0], None]

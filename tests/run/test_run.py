@@ -171,21 +171,33 @@ def test_a_second_command_runs_only_what_is_missing_or_failed(
     assert results(run) == results(finished_run)
 
 
-def test_ctrl_c_leaves_no_failed_cell_and_no_process(tiny_suite: Path, command: list[str], tmp_path: Path) -> None:
-    out = tmp_path / "run"
-    call = [*command, *arguments(tiny_suite, out)[:-1]]
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+def test_a_stop_writes_checkpoints_and_leaves_no_failed_cell_and_no_process(
+    how: signal.Signals, tiny_suite: Path, command: list[str], tmp_path: Path
+) -> None:
+    """Ctrl-C reaches the whole group, a scheduler's SIGTERM at least the command."""
+    suite, out = tmp_path / "long.yaml", tmp_path / "run"
+    text = tiny_suite.read_text().replace("env_steps: 120", "env_steps: 20_000").replace("every: 60", "every: 20_000")
+    suite.write_text(text.replace("learning_starts: 20", "learning_starts: 19_000"))
     with subprocess.Popen(
-        call, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, start_new_session=True,
+        [*command, *arguments(suite, out)[:-1], "--checkpoint-every", "20000"],
+        stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, start_new_session=True,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a shell's background jobs ignore it
     ) as process:  # fmt: skip
         assert process.stderr is not None
-        next(line for line in process.stderr if "%" in line)  # a cell is at work
-        os.killpg(process.pid, signal.SIGINT)
+        next(line for line in process.stderr if "SAC on kinematic" in line)  # a learner is at work
+        if how == signal.SIGINT:
+            os.killpg(process.pid, how)
+        else:
+            process.send_signal(how)
         rest = process.stderr.read()  # ends when nothing holds the pipe any more: parent, fork server and cells
         assert process.wait() == 130
     assert "stopped; the same command continues with what is missing" in rest
     assert "Traceback" not in rest
-    assert "failed" not in states(out).values()
+    assert set(states(out).values()) <= {"done", "running", "pending"}
+    (log, *_) = [text for path in out.glob("cells/*/log.txt") if "stopped at env step" in (text := path.read_text())]
+    assert "its checkpoint is" in log
+    assert any(out.glob("cells/*/checkpoint*")), "no learner kept where it was"
 
 
 def kill_at_moves(

@@ -7,7 +7,7 @@ header has the SHA-256 of all that is in it.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -29,10 +29,14 @@ REMEDY = "delete it to train from the start, or continue with what it was made w
 
 @dataclass(frozen=True)
 class Checkpoints:
-    """Where and how often to keep the state of a training run. Neither changes its results."""
+    """Where and how often to keep the state of a training run. Neither changes its results.
+
+    A run that sees `stop_asked()` after a step keeps its state at once and raises `StoppedError`.
+    """
 
     path: Path
     every: int = 2_000  # env steps
+    stop_asked: Callable[[], bool] = lambda: False
 
 
 def save_checkpoint(path: Path, state: State, identity: Mapping[str, Any]) -> None:

@@ -27,7 +27,7 @@ from causalbench.core.staged.vector_env import StageTaskVectorEnv
 from causalbench.core.tasks.stage_task import StageTask
 from causalbench.core.tasks.task_data import task_data
 from causalbench.core.world.capabilities import Capability
-from causalbench.errors import DivergedError
+from causalbench.errors import DivergedError, StoppedError
 
 LOG = logging.getLogger(__name__)
 
@@ -46,7 +46,7 @@ def train_staged(problem: TrainingProblem, make_learner: MakeStagedLearner) -> T
     lacks `EXACT_RESTORE` starts again instead.
 
     Raises `CheckpointError` for a checkpoint that is not this run's, and `DivergedError` for a loss that explodes or is
-    not finite.
+    not finite, and `StoppedError` when `problem.checkpoints` says that it should stop.
     """
     with closing(problem.vector_env(problem.settings.n_envs)) as env, closing(Examiner(problem)) as examiner:
         loop = _StagedLoop(problem, make_learner, env, examiner)
@@ -97,9 +97,7 @@ class _StagedLoop:
             self.counter.counts.updates = self.learner.updates()
             self.examiner.examine(self.learner.policy, self.counter.counts)
         if self.checkpoints and not self.over:
-            every = self.checkpoints.every
-            if self.taken // every > before // every:
-                self._save(self.checkpoints)
+            self._keep(self.checkpoints, before)
 
     def _train(self) -> None:
         """Let the learner train. Raises `DivergedError` with the step and the last good checkpoint."""
@@ -131,6 +129,14 @@ class _StagedLoop:
         for record in state["evaluations"]:
             self.examiner.evaluations.append(Evaluation.from_record(record))
             self.problem.on_evaluation(self.examiner.evaluations[-1], self.counter.counts)
+
+    def _keep(self, checkpoints: Checkpoints, before: int) -> None:
+        """Keep a checkpoint if it is due. Raises `StoppedError` after one if that was asked for."""
+        stopped = checkpoints.stop_asked()
+        if stopped or self.taken // checkpoints.every > before // checkpoints.every:
+            self._save(checkpoints)
+        if stopped:
+            raise StoppedError(f"stopped at env step {self.taken}; its checkpoint is {checkpoints.path}")
 
     def _save(self, checkpoints: Checkpoints) -> None:
         state: State = prefixed("env", self.env.state()) | prefixed("learner", self.learner.state())

@@ -12,7 +12,7 @@ from filelock import FileLock
 
 from causalbench.core.numerics.compiled import cache_folder, cached, can_compile
 
-DTYPES = {"f8": np.float64, "i8": np.int64, "b1": np.bool_}
+DTYPES = {"f4": np.float32, "f8": np.float64, "i8": np.int64, "b1": np.bool_}
 
 
 def broadcast(types: str, layout: str) -> Callable[[Callable[..., None]], Any]:

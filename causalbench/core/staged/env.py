@@ -86,7 +86,7 @@ class StageTaskEnv(gym.Env[Observation, NDArray[np.float32]]):
         }
         terminated = bool(step.terminated)
         truncated = self._clock >= self.task.horizon and not terminated
-        return self.worlds.observe(), float(step.rewards.sum()), terminated, truncated, info
+        return self.worlds.observe(), float(np.add.reduce(step.rewards)), terminated, truncated, info
 
     def render(self) -> NDArray[np.uint8] | None:
         """The picture of the task's camera when `render_mode` is "rgb_array"."""

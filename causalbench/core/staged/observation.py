@@ -8,6 +8,8 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
+from causalbench.core.numerics.gufunc import broadcast
+from causalbench.core.numerics.limits import Array32, clipped
 from causalbench.core.tasks.stage_task import FEATURE_BOUND, StageTask
 from causalbench.core.tasks.task import Task
 from causalbench.core.world.batch import BatchScene
@@ -17,6 +19,7 @@ from causalbench.core.world.lidar import MAX_RANGE, N_RAYS, N_SECTORS, sectors
 from causalbench.core.world.scene import Scene, SceneSpec
 from causalbench.errors import UnknownNameError, UserError
 
+Array = NDArray[np.float64]
 Observation = dict[str, Any]
 Observe = Literal["state", "sectors", "paper"]
 """What is observed: the state variables, or beside them how near something is in each sector of the LiDAR, or what the
@@ -77,11 +80,7 @@ class Observer:
 
     def __call__(self, facts: Facts, stage: NDArray[np.int64], world: Scene | BatchScene) -> Observation:
         """The observation of `facts` in `stage`; `world` is asked for what is sensed beside them."""
-        values = np.empty((*facts.gripper_opening.shape, len(self._low)), dtype=np.float32)
-        values[..., :-1] = self._task.observe(facts)
-        values[..., -1] = facts.gripper_opening
-        np.maximum(values, self._low, out=values)
-        np.minimum(values, self._high, out=values)
+        values = _bounded(self._task.observe(facts), facts.gripper_opening, self._low, self._high)
         obs: Observation = {"state": values[..., :-1], "stage": stage - 1}
         if self._features:
             obs["features"] = self._task.features_of(obs["state"])
@@ -109,6 +108,13 @@ SENSORS: dict[str, gym.spaces.Box] = {
     "rgb": gym.spaces.Box(0, 255, (HEIGHT, WIDTH, 3), np.uint8),
 }
 """What can be sensed beside the facts, and the space of it in one world."""
+
+
+@broadcast("f8[:], f8, f4[:], f4[:], f4[:]", "(s),(),(v),(v)->(v)")
+def _bounded(state: Array, opening: float, low: Array32, high: Array32, out: Array32) -> None:
+    for i in range(len(state)):
+        out[i] = clipped(state[i], low[i], high[i])
+    out[-1] = clipped(opening, low[-1], high[-1])
 
 
 def no_sectors(task: StageTask) -> UserError:

@@ -51,6 +51,7 @@ class SceneWorlds(Worlds):
         self.task: Task = task
         self.scene, self.spec = scene, scene.spec
         self._columns = action_columns(task, scene.spec)
+        self._all_columns = self._columns.tolist() == list(range(len(scene.spec.actions)))
         self._batch = scene if isinstance(scene, BatchScene) else SceneList([scene])
         self.shape = (scene.n,) if isinstance(scene, BatchScene) else ()
         self.origin = origin_of(scene.spec)
@@ -80,9 +81,12 @@ class SceneWorlds(Worlds):
 
     def _step(self, actions: Array, repeat: int) -> Step:
         """See `Worlds`."""
-        self._full[..., self._columns] = actions
+        full = actions
+        if not self._all_columns:
+            full = self._full
+            full[..., self._columns] = actions
         for _ in range(repeat):
-            self.scene.step(self._full)
+            self.scene.step(full)
         before, self.facts = self.facts, with_extras(self.scene.facts(), self._extras)
         return judge(self.task, self.stage, before, actions, self.facts)
 
