@@ -34,7 +34,7 @@ sys.addaudithook(hook)
 
 
 def test_a_cluster_that_is_not_there_is_told_so(tmp_path: Path) -> None:
-    pytest.importorskip("ray")
+    pytest.importorskip("ray", reason="the extra ray is not installed")
     with pytest.raises(UserError, match=r"127\.0\.0\.1:1: no Ray cluster answers"):
         Ray(RunFolder(tmp_path), Keeping(), None, "127.0.0.1:1")
 
@@ -42,7 +42,7 @@ def test_a_cluster_that_is_not_there_is_told_so(tmp_path: Path) -> None:
 @pytest.fixture
 def cluster(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     """Three nodes on this machine: a head without cores and two that work, whose checkpoints go through a FIFO."""
-    pytest.importorskip("ray")
+    pytest.importorskip("ray", reason="the extra ray is not installed")
     from ray.cluster_utils import Cluster
 
     (tmp_path / "sitecustomize.py").write_text(ONCE)

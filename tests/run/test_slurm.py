@@ -37,7 +37,6 @@ sys.addaudithook(hook)
 @pytest.fixture
 def slurm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The state of a Slurm whose commands are on the path."""
-    pytest.importorskip("submitit")
     state, commands = tmp_path / "slurm", tmp_path / "bin"
     state.mkdir()
     commands.mkdir()
@@ -56,7 +55,6 @@ def test_an_unknown_option_is_named(slurm: Path, tmp_path: Path) -> None:
 
 
 def test_a_machine_without_slurm_is_told_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("submitit")
     monkeypatch.setenv("PATH", str(tmp_path))
     with pytest.raises(UserError, match="no `sbatch` on the path"):
         Slurm(RunFolder(tmp_path / "run"), Keeping(), None, {})

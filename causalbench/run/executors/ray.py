@@ -6,6 +6,7 @@ A task whose node dies starts again on another one, and its cell goes on from it
 from __future__ import annotations
 
 import logging
+import socket
 import sys
 from typing import Any
 
@@ -76,7 +77,15 @@ def _connected(address: str) -> Any:
     except ImportError:
         raise UserError('--executor ray needs Ray: pip install "causalbench-robotics[ray]"') from None
     try:
+        _reach(address)
         ray.init(address=address, log_to_driver=False, logging_level=logging.ERROR)
-    except Exception as error:  # many kinds, by version
+    except (Exception, SystemExit) as error:  # many kinds, by version
         raise UserError(f"--ray-address {address}: no Ray cluster answers there ({error})") from None
     return ray
+
+
+def _reach(address: str) -> None:
+    """Connect to HOST:PORT once, since Ray itself tries for minutes. Raises `OSError`."""
+    host, colon, port = address.rpartition(":")
+    if colon and port.isdigit():
+        socket.create_connection((host, int(port)), timeout=10).close()
