@@ -6,6 +6,7 @@ import importlib.util
 import re
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -43,10 +44,15 @@ def test_scores_of_edges_are_those_worked_out_by_hand():
     assert (nothing["precision"], nothing["recall"]) == (1.0, 0.0)
 
 
+def script(path):
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
 def test_the_tuning_grid_is_decided_as_the_page_says():
-    spec = importlib.util.spec_from_file_location("tuning_analysis", ROOT / "studies/tuning/analysis.py")
-    analysis = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(analysis)
+    analysis = script(ROOT / "studies/tuning/analysis.py")
     grid = pd.read_csv(ROOT / "docs/data/tuning_grid.csv")
     start = ["log_std_init" if method.endswith("PPO") else "ent_coef_init" for method in grid["method"]]
     grid["grid_point"] = [
@@ -61,6 +67,24 @@ def test_the_tuning_grid_is_decided_as_the_page_says():
     for method, rate, value in page:
         assert f"learning_rate={float(rate):g}," in chosen[method]
         assert chosen[method].endswith(f"={float(value):g}")
+
+
+def test_verdicts_keep_their_level_on_null_suites_where_a_bootstrap_does_not():
+    study = script(ROOT / "studies/verdicts/null_suites.py")
+    pool = study.pools()["methods that learn"]
+    # Of 400 suites with a family error of 5% more than 32 have a verdict with a chance of 0.3%.
+    assert study.family_error(pool, 400, 5, shared=0.0) <= 32 / 400
+    decided, _ = study.until_decided(study.null_suites(pool, 200, 6, 0.0, np.random.default_rng(1)))
+    assert decided.any(axis=1).mean() <= 20 / 200
+    assert study.bootstrap_error(pool["gymrob"], 400, 5) > 0.08 > study.interval_error(pool["gymrob"], 400, 5)
+
+
+def test_clear_cut_claims_are_found_and_take_half_of_ten_seeds():
+    study = script(ROOT / "studies/verdicts/null_suites.py")
+    assert study.power(50, 5).loc["cmSAC > mSAC", "all"] == 1
+    decided, spent = study.until_decided(study.committed(50, 10, np.random.default_rng(1)), study.HYPOTHESES[:3])
+    assert decided[:, ::3].all()
+    assert spent.mean() <= 5
 
 
 def test_every_committed_table_of_numbers_says_where_it_is_from():

@@ -21,6 +21,7 @@ from causalbench.cli.options import (
     named_values,
     print_json,
 )
+from causalbench.cli.until_decided import execute_until_decided
 from causalbench.processes import cores
 
 if TYPE_CHECKING:
@@ -60,6 +61,9 @@ def run(
     checkpoint_every: Annotated[
         int, typer.Option(min=1, help="Environment steps after which a learner keeps what a killed run continues from.")
     ] = 2_000,
+    until_decided: Annotated[
+        bool, typer.Option(help="Add seeds until every stated hypothesis is decided or the tier's seeds are used up.")
+    ] = False,
     tensorboard: Annotated[bool, typer.Option(help="Also write each cell's curves for TensorBoard.")] = False,
     as_json: AsJson = False,
     quiet: Annotated[bool, typer.Option(help="Show no progress.")] = False,
@@ -77,7 +81,10 @@ def run(
     keeping = Keeping(checkpoint_every, tensorboard)
     options = named_values(slurm or (), "--slurm", "time=240")
     execution = Execution(executor.value, jobs, seconds, retry_failed, keeping, ray_address, options)
-    execute(plan, folder, file, execution, quiet or as_json)
+    if until_decided:
+        plan = execute_until_decided(plan, folder, file, execution, quiet or as_json)
+    else:
+        execute(plan, folder, file, execution, quiet or as_json)
     states = [folder.status(cell).state for cell in plan.cells]
     _print_run(plan, folder, as_json)
     if any(state != "done" for state in states):

@@ -178,6 +178,13 @@ COLUMNS: dict[str, Column] = {
         "", "The true difference that these seeds show with a chance of 80%; empty if so few cannot show any."
     ),
     "sentence": _text("The verdict with its evidence, in words."),
+    # Looks
+    "look": _count("", "Number of the look, from 1, of a run that adds seeds until its hypotheses are decided."),
+    "spent": _count("seeds", "Seeds that are finished then."),
+    "decided": _count("hypotheses", "Those decided by then, on all backends together where there are several."),
+    "undecided": _count("hypotheses", "The others."),
+    "stops": _count("", "1 if the run stops there, 0 if it goes on."),
+    "reason": _text("Why it stops or goes on."),
     # Whether backends agree
     "other_backend": _text("The backend that `backend` is compared with."),
     "methods": _count("methods", "Methods of which every planned cell is finished on both backends."),
@@ -247,6 +254,7 @@ TABLES: dict[str, tuple[str, ...]] = {
         "hypothesis", "stated", "backend", "measure", "verdict", "difference", "low", "high", "p_value", "p_adjusted",
         "n_a", "n_b", "seeds_missing", "seed_correlation", "paired", "detectable", "sentence",
     ),
+    "looks.csv": ("look", "spent", "decided", "undecided", "stops", "reason"),
     "agreement.csv": ("backend", "other_backend", "methods", "kendall_tau", "p_value"),
     "timing.csv": ("cell", "state", "seconds", "env_steps", "env_steps_per_second"),
     "cells/*/progress.csv": (

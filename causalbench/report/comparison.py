@@ -8,8 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.stats
+from numpy.typing import NDArray
 
-from causalbench.report.permutation import Array, Shifts, Size, least_p, regroup
+from causalbench.report.permutation import TOLERANCE, Array, Shifts, Size, least_p, regroup
 
 ALPHA = 0.05
 POWER = 0.8
@@ -41,24 +42,43 @@ def compare(left: Sequence[Array], right: Sequence[Array], comparisons: int = 1)
     Seeds are pairs only where that pays: from 8 seeds on, of a correlation of at least 0.5.
     """
     correlation = seed_correlation(left, right)
-    enough = all(len(a) == len(b) >= LEAST_PAIRS for a, b in zip(left, right, strict=True))
-    paired = enough and correlation is not None and correlation >= LEAST_CORRELATION
+    paired = bool(pairs_pay(left, right))
     least = least_p([_size(a, b, paired) for a, b in zip(left, right, strict=True)])
     level = ALPHA / comparisons
     detectable = detectable_difference(left, right, paired, level) if least <= level else None
-    return Comparison(regroup(left, right, paired).shifts(), paired, correlation, least, detectable)
+    known = None if np.isnan(correlation) else float(correlation)
+    return Comparison(regroup(left, right, paired).shifts(), paired, known, least, detectable)
 
 
 def _size(left: Array, right: Array, paired: bool) -> Size:
     return len(left), len(right), paired
 
 
-def seed_correlation(left: Sequence[Array], right: Sequence[Array]) -> float | None:
-    """Pearson's correlation over seeds, the mean over backends; None unless there are pairs that vary."""
-    pairs = [(a, b) for a, b in zip(left, right, strict=True) if len(a) == len(b) > 2 and np.ptp(a) and np.ptp(b)]
-    if not pairs:
-        return None
-    return float(np.mean([scipy.stats.pearsonr(a, b).statistic for a, b in pairs]))
+def pairs_pay(left: Sequence[Array], right: Sequence[Array]) -> NDArray[np.bool_]:
+    """Whether seeds are taken as pairs; arrays of (..., n) give (...)."""
+    enough = all(a.shape[-1] == b.shape[-1] >= LEAST_PAIRS for a, b in zip(left, right, strict=True))
+    correlation = seed_correlation(left, right)
+    pay: NDArray[np.bool_] = (correlation >= LEAST_CORRELATION) & enough  # NaN is not
+    return pay
+
+
+def seed_correlation(left: Sequence[Array], right: Sequence[Array]) -> Array:
+    """Pearson's correlation over seeds, the mean of backends where there is one; NaN unless there are three pairs."""
+    if not all(a.shape[-1] == b.shape[-1] > 2 for a, b in zip(left, right, strict=True)):
+        return np.full(left[0].shape[:-1], np.nan)
+    each = np.array([_correlation(a, b) for a, b in zip(left, right, strict=True)])
+    found = np.isfinite(each)
+    with np.errstate(invalid="ignore"):
+        mean: Array = np.where(found, each, 0.0).sum(axis=0) / found.sum(axis=0)
+    return mean
+
+
+def _correlation(left: Array, right: Array) -> Array:
+    """NaN where one of them does not vary."""
+    a, b = left - left.mean(axis=-1, keepdims=True), right - right.mean(axis=-1, keepdims=True)
+    scale = np.sqrt((a**2).sum(axis=-1) * (b**2).sum(axis=-1))
+    found: Array = np.where(scale > TOLERANCE, (a * b).sum(axis=-1) / np.maximum(scale, TOLERANCE), np.nan)
+    return found
 
 
 def detectable_difference(left: Sequence[Array], right: Sequence[Array], paired: bool, level: float) -> float:

@@ -35,6 +35,7 @@ class Results:
     leaderboard: pd.DataFrame
     verdicts: pd.DataFrame
     agreement: pd.DataFrame
+    looks: pd.DataFrame
     timing: pd.DataFrame
 
 

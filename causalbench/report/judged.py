@@ -14,7 +14,7 @@ AREA, STEPS = "success_auc", "steps_to_90"
 class Judged:
     """One hypothesis on one board by one measure; `comparison` is None where `obstacle` says why there is none.
 
-    `adjusted` is the p-value for all `comparisons` of the measure.
+    `adjusted` is the p-value for all `comparisons` of the measure, each look at a comparison counting as one.
     """
 
     hypothesis: Hypothesis
@@ -49,6 +49,11 @@ class Judged:
         if within is not None and self.comparison.shifts.equivalence(within) == self.p_value:
             return "equivalent"
         return "better" if self.comparison.shifts.difference > 0 else "worse"
+
+    @property
+    def decided(self) -> bool:
+        """Whether the verdict is one that further seeds do not change."""
+        return self.verdict not in ("not decided", "not run")
 
     @property
     def interval(self) -> tuple[float, float] | None:

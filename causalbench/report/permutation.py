@@ -104,15 +104,17 @@ class Shifts:
         return float(self.sorted[needed]), float(self.sorted[-1 - needed])
 
 
-def regroup(left: Sequence[Array], right: Sequence[Array], paired: bool = False, most: int = MAX_EXACT) -> Regrouped:
+def regroup(
+    left: Sequence[Array], right: Sequence[Array], paired: bool = False, most: int = MAX_EXACT, draws: int = DRAWS
+) -> Regrouped:
     """All regroupings of the strata of two methods, (..., n) and (..., m) each, alike in weight.
 
-    Beyond `most` of them `DRAWS` are drawn at random, which with the observed one hold the level just as well.
+    Beyond `most` of them `draws` are drawn at random, which with the observed one hold the level just as well.
     """
     sizes = tuple((a.shape[-1], b.shape[-1], paired) for a, b in zip(left, right, strict=True))
     values = [np.concatenate([a, b], axis=-1) for a, b in zip(left, right, strict=True)]
     exact = regroupings(sizes) <= most
-    weights = [exact_weights(size) for size in sizes] if exact else drawn_weights(sizes)
+    weights = [exact_weights(size) for size in sizes] if exact else drawn_weights(sizes, draws)
     differences = [value @ weight.T for value, weight in zip(values, weights, strict=True)]
     reaches = [weight[:, :n].sum(axis=1) for weight, (n, _, _) in zip(weights, sizes, strict=True)]
     combine = _every_combination if exact else _one_by_one
@@ -145,16 +147,16 @@ def exact_weights(size: Size) -> Array:
 
 
 @functools.lru_cache(maxsize=4)
-def drawn_weights(sizes: tuple[Size, ...]) -> list[Array]:
-    """The same for strata together, `DRAWS` + 1 regroupings of each."""
+def drawn_weights(sizes: tuple[Size, ...], draws: int) -> list[Array]:
+    """The same for strata together, `draws` + 1 regroupings of each."""
     rng = np.random.default_rng(SEED)
-    return [_drawn(size, rng) for size in sizes]
+    return [_drawn(size, draws, rng) for size in sizes]
 
 
-def _drawn(size: Size, rng: np.random.Generator) -> Array:
+def _drawn(size: Size, draws: int, rng: np.random.Generator) -> Array:
     n, m, paired = size
     if paired:
-        signs = np.concatenate([np.ones((1, n)), rng.choice((1.0, -1.0), size=(DRAWS, n))])
+        signs = np.concatenate([np.ones((1, n)), rng.choice((1.0, -1.0), size=(draws, n))])
         return np.concatenate([signs, -signs], axis=1) / n
     first = np.repeat([1 / n, -1 / m], [n, m])[None]
-    return np.concatenate([first, rng.permuted(np.repeat(first, DRAWS, axis=0), axis=1)])
+    return np.concatenate([first, rng.permuted(np.repeat(first, draws, axis=0), axis=1)])

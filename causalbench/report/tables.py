@@ -13,6 +13,7 @@ from causalbench.errors import RunFolderError
 from causalbench.report.agreement import agreement
 from causalbench.report.columns import KEYS, TABLES
 from causalbench.report.leaderboard import leaderboard
+from causalbench.report.sequential import look_rows
 from causalbench.report.stage_account import latching, moves, progress_account, stage_account
 from causalbench.report.stats import area_under, wilson
 from causalbench.report.verdicts import verdict_rows
@@ -47,6 +48,7 @@ def tables(cells: Sequence[StoredCell], stated: Sequence[Stated]) -> dict[str, T
         "leaderboard.csv": board,
         "agreement.csv": agreement(board),
         "verdicts.csv": verdict_rows(results, cells, stated),
+        "looks.csv": look_rows(results, cells, stated),
         "timing.csv": [_timing_row(cell) for cell in cells],
     }
     edges = _discovery_table([cell for cell in cells if cell.is_done("discovery")])

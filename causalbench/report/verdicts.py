@@ -6,8 +6,9 @@ Planned cells are the denominator: where a cell of a comparison is missing, fail
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -73,12 +74,15 @@ def _row(judged: Judged) -> Row:
     }
 
 
-def judge(entry: Stated, finished: Finished) -> list[Judged]:
-    """The hypotheses of one statement: on success areas first, then, as a secondary measure, on steps to 90%."""
+def judge(entry: Stated, finished: Finished, looks: int | None = None) -> list[Judged]:
+    """The hypotheses of one statement: on success areas first, then, as a secondary measure, on steps to 90%.
+
+    A statement with looks is judged as after the first `looks` of them, by default after all that were begun.
+    """
     hypotheses = [Hypothesis.parse(text) for text in entry.statement.hypotheses]
     ordered = [h for h in hypotheses if h.within is None]
-    areas = _family(AREA, hypotheses, entry.statement, entry.before_any_cell, finished)
-    return [*areas, *_family(STEPS, ordered, entry.statement, False, finished)]
+    family = partial(_family, statement=entry.statement, finished=finished, looks=looks)
+    return [*family(AREA, hypotheses, entry.before_any_cell), *family(STEPS, ordered, False)]
 
 
 def boards(statement: Statement) -> dict[str, tuple[str, ...]]:
@@ -87,16 +91,41 @@ def boards(statement: Statement) -> dict[str, tuple[str, ...]]:
     return {"all": statement.backends} | each if len(each) > 1 else each
 
 
+def begun(statement: Statement, finished: Finished, look: int) -> bool:
+    """Whether any cell of the seeds that a look, numbered from 1, adds to those before it has been started."""
+    bounds = (0, *statement.looks)
+    added = set(statement.seeds[bounds[look - 1] : bounds[look]])
+    return any(seed in added for _, _, seed in finished.states)
+
+
 def _family(
-    measure: str, hypotheses: Sequence[Hypothesis], statement: Statement, stated: bool, finished: Finished
-) -> Iterator[Judged]:
+    measure: str, hypotheses: Sequence[Hypothesis], stated: bool, *, statement: Statement, finished: Finished,
+    looks: int | None,
+) -> list[Judged]:  # fmt: skip
+    """What is decided at a look stays decided; each look has its share of the 5%, and tests only what is open."""
     asked = [(hypothesis, *board) for hypothesis in hypotheses for board in boards(statement).items()]
-    judged = [
-        _compared(measure, hypothesis, name, members, statement.seeds, stated, len(asked), finished)
-        for hypothesis, name, members in asked
-    ]
-    for one, adjusted in zip(judged, holm([one.p_value for one in judged]), strict=True):
-        yield replace(one, adjusted=adjusted)
+    counts = statement.looks or (len(statement.seeds),)
+    judged: list[Judged] = []
+    for number, seeds in enumerate(counts[:looks], start=1):
+        if number > 1 and not begun(statement, finished, number):
+            break
+        chosen, among = statement.seeds[:seeds], len(asked) * len(counts)
+        now = [
+            judged[index] if judged and judged[index].decided
+            else _compared(measure, hypothesis, name, members, chosen, stated, among, finished)
+            for index, (hypothesis, name, members) in enumerate(asked)
+        ]  # fmt: skip
+        judged = _adjusted(now, len(counts))
+    return judged
+
+
+def _adjusted(judged: Sequence[Judged], looks: int) -> list[Judged]:
+    """Holm's step-down on what is not decided yet."""
+    open_ = [index for index, one in enumerate(judged) if not one.decided]
+    found = list(judged)
+    for index, p in zip(open_, holm([judged[index].p_value for index in open_]), strict=True):
+        found[index] = replace(judged[index], adjusted=None if p is None else min(1.0, p * looks))
+    return found
 
 
 def _compared(

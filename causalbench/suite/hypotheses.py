@@ -58,7 +58,8 @@ def _delta(text: str, within: str | None) -> float:
 class Statement:
     """What a run sets out to show: the hypotheses, and the backends and seeds on which they are judged.
 
-    These are those of the suite's tier, whatever cells a command picks: what is missing of them stays missing.
+    These are those of the suite's tier, whatever cells a command picks: what is missing of them stays missing. With
+    `looks`, numbers of seeds, seeds are added from look to look until every hypothesis is decided.
     """
 
     suite: str
@@ -66,6 +67,7 @@ class Statement:
     hypotheses: tuple[str, ...]
     backends: tuple[str, ...]
     seeds: tuple[int, ...]
+    looks: tuple[int, ...] = ()
 
     @property
     def hash(self) -> str:

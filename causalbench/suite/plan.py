@@ -6,7 +6,7 @@ import functools
 import importlib.metadata
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -43,6 +43,11 @@ class Plan:
     cells: tuple[Cell, ...]
     statement: Statement
     impossible: Mapping[str, str] = field(default_factory=dict)
+
+    def up_to(self, seeds: int) -> Plan:
+        """The part of the plan that is of the first `seeds` seeds of its statement."""
+        chosen = set(self.statement.seeds[:seeds])
+        return replace(self, cells=tuple(cell for cell in self.cells if cell.seed in chosen))
 
 
 def make_plan(
