@@ -165,6 +165,12 @@ def interval_error(pool: Array, suites: int, seeds: int, seed: int = 0) -> float
     return float(np.mean([bounds is not None and not bounds[0] <= 0 <= bounds[1] for bounds in found]))
 
 
+def unlike_spread(pool: Array, suites: int, seeds: int, seed: int = 0) -> float:
+    """How often areas of a pool are told apart, at 5%, from ones that are always its mean: the worst of equal means."""
+    drawn = np.random.default_rng(seed).choice(pool, size=(suites, seeds))
+    return float((_p([drawn], [np.full_like(drawn, pool.mean())]) <= ALPHA).mean())
+
+
 def pools() -> dict[str, dict[str, Array]]:
     """Name -> backend -> the areas that null suites draw from."""
     known = areas_by_method()
@@ -188,6 +194,8 @@ def main(suites: int) -> None:
     for seeds in (3, 5, 8):
         print(f"| percentile bootstrap | {seeds} | {bootstrap_error(pool, suites, seeds):.4f} |", flush=True)
         print(f"| interval of the exact test | {seeds} | {interval_error(pool, suites, seeds):.4f} |", flush=True)
+    for seeds in (4, 5, 8):
+        print(f"| exact test, equal means, one without spread | {seeds} | {unlike_spread(pool, suites, seeds):.4f} |")
     print("\n" + stopping(suites, 10).round(4).to_string())
     print("\n" + pd.concat([power(suites, seeds) for seeds in (3, 5, 10)]).round(3).to_string())
 
