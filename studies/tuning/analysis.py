@@ -12,7 +12,7 @@ import pandas as pd
 
 from causalbench.report.stats import area_under
 
-STEPS, N_STAGES = 10_000, 4
+STEPS, N_STAGES = 60_000, 4
 PRESET = {"SAC": {"learning_rate": 1e-3, "ent_coef_init": 0.05}, "PPO": {"learning_rate": 3e-4, "log_std_init": -0.5}}
 SCORE = ["success_auc", "stage_auc"]
 
