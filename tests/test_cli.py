@@ -33,7 +33,7 @@ def call(command: list[str], tmp_path: Path) -> Callable[..., subprocess.Complet
 
 @pytest.mark.parametrize("arguments", [("--version",), ("--help",), ("run", "--help")], ids=" ".join)
 def test_what_says_only_what_there_is_imports_nothing_heavy(arguments: tuple[str, ...]) -> None:
-    """Gymnasium, and numpy with it, comes with causalbench itself."""
+    """Gymnasium, and numpy with it, comes with causalbench itself, and pydantic with the ranges of typer's options."""
     code = (
         f"import sys; sys.argv = ['causalbench', *{arguments!r}]\n"
         "import atexit; atexit.register(lambda: print('MODULES', *sys.modules))\n"
@@ -42,7 +42,7 @@ def test_what_says_only_what_there_is_imports_nothing_heavy(arguments: tuple[str
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     modules = done.stdout.partition("MODULES")[2].split()
     assert "causalbench" in modules
-    heavy = {"torch", "numba", "scipy", "pandas", "matplotlib", "pydantic", "yaml", "stable_baselines3", "mo_gymnasium"}
+    heavy = {"torch", "numba", "scipy", "pandas", "matplotlib", "yaml", "stable_baselines3", "mo_gymnasium"}
     assert heavy.isdisjoint(modules)
 
 

@@ -88,9 +88,10 @@ def run_plan(
         cells = to_do(plan, run, execution.retry)
         if cells:
             run.add_session(describe_environment(plugins, sorted({cell.backend.name for cell in plan.cells})))
+        started = execution.outcomes(cells, run, view)
         try:
             view.begin(plan.cells, cells, run)
-            with closing(execution.outcomes(cells, run, view)) as outcomes:  # type: ignore[type-var]
+            with closing(started) as outcomes:  # type: ignore[type-var]
                 for cell, status in outcomes:
                     view.on_outcome(cell, status)
         finally:
