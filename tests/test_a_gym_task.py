@@ -59,5 +59,5 @@ def test_a_suite_discovers_its_causes_ranks_methods_on_it_and_skips_what_cannot_
 
     played = call(tmp_path, site, "causalbench", "play", "run", "--only", "method=mSAC", "--episodes", "1")
     assert played.returncode == 0, played.stderr
-    (film,) = (tmp_path / "run" / "videos").iterdir()
+    (film,) = (tmp_path / "run" / "videos").glob("*.mp4")
     assert film.stat().st_size > 5_000

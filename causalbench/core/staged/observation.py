@@ -8,8 +8,8 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
+from causalbench.core.numerics.compiled import compiled
 from causalbench.core.numerics.gufunc import broadcast
-from causalbench.core.numerics.limits import Array32, clipped
 from causalbench.core.tasks.stage_task import FEATURE_BOUND, StageTask
 from causalbench.core.tasks.task import Task
 from causalbench.core.world.batch import BatchScene
@@ -20,6 +20,7 @@ from causalbench.core.world.scene import Scene, SceneSpec
 from causalbench.errors import UnknownNameError, UserError
 
 Array = NDArray[np.float64]
+Array32 = NDArray[np.float32]
 Observation = dict[str, Any]
 Observe = Literal["state", "sectors", "paper"]
 """What is observed: the state variables, or beside them how near something is in each sector of the LiDAR, or what the
@@ -110,11 +111,18 @@ SENSORS: dict[str, gym.spaces.Box] = {
 """What can be sensed beside the facts, and the space of it in one world."""
 
 
+@compiled
+def _clipped(value: float, low: float, high: float) -> float:
+    if value < low:
+        return low
+    return high if value > high else value  # NaN stays NaN
+
+
 @broadcast("f8[:], f8, f4[:], f4[:], f4[:]", "(s),(),(v),(v)->(v)")
 def _bounded(state: Array, opening: float, low: Array32, high: Array32, out: Array32) -> None:
     for i in range(len(state)):
-        out[i] = clipped(state[i], low[i], high[i])
-    out[-1] = clipped(opening, low[-1], high[-1])
+        out[i] = _clipped(state[i], low[i], high[i])
+    out[-1] = _clipped(opening, low[-1], high[-1])
 
 
 def no_sectors(task: StageTask) -> UserError:

@@ -9,7 +9,6 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core.numerics.limits import within
 from causalbench.errors import UserError
 
 CausalSets = Mapping[int, Mapping[str, frozenset[str]]]
@@ -130,8 +129,7 @@ class StageTask:
     def features_of(self, state: NDArray[Any]) -> NDArray[np.float32]:
         """The features (..., n_features) of state variables (..., n_state), within `FEATURE_BOUND`."""
         found = self.features(state) if self.features else np.zeros((*state.shape[:-1], 0))
-        bounded: NDArray[np.float32] = within(found, FEATURE_BOUND)
-        return bounded
+        return np.minimum(np.maximum(found, -FEATURE_BOUND), FEATURE_BOUND).astype(np.float32)
 
     def stage_terms(self, stage: int, discoverable_only: bool = False) -> tuple[str, ...]:
         """Names of the terms of `stage` (1-based) in vector order."""

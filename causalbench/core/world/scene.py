@@ -16,7 +16,6 @@ from typing import NoReturn, SupportsIndex
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core.numerics.limits import largest
 from causalbench.core.world.capabilities import Capability
 from causalbench.core.world.facts import Facts
 from causalbench.core.world.layout import Layout, Workspace
@@ -177,6 +176,6 @@ def check_action(action: Array, shape: tuple[int, ...]) -> Array:
         raise InvalidActionError(f"action {action!r} is no array of numbers: {error}") from error
     if action.shape != shape:
         raise InvalidActionError(f"action has shape {action.shape}, expected {shape}")
-    if not largest(action.ravel()) <= 1.0 + 1e-6:  # also true of NaN
+    if not (abs(action) <= 1.0 + 1e-6).all():  # also catches NaN
         raise InvalidActionError(f"action {action} is not finite or leaves [-1, 1]")
     return action

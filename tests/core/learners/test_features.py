@@ -14,6 +14,7 @@ from scenes import worlds_of
 from training import METHOD, train
 
 from causalbench.core.kinematic import make
+from causalbench.core.learners.observations import checked_observation
 from causalbench.core.learners.policy import ObservationScale, load_policy
 from causalbench.core.learners.registry import LEARNERS, TrainingProblem
 from causalbench.core.learners.settings import EvaluationSettings
@@ -68,4 +69,4 @@ def test_a_policy_that_misses_them_says_so() -> None:
     with pytest.raises(
         UserError, match=r"reads \['features'\], and the observation has \['gripper', 'stage', 'state'\]"
     ):
-        scale({name: np.asarray(value)[None] for name, value in obs.items()})
+        checked_observation(obs, scale.beside, len(scale.low), PURE.n_stages)
