@@ -13,7 +13,7 @@ from typing import Any
 from causalbench.report.comparison import ALPHA
 from causalbench.report.judged import AREA, Judged
 from causalbench.report.permutation import least_p
-from causalbench.report.verdicts import Finished, begun, boards, judge
+from causalbench.report.verdicts import Finished, begun, boards, decide
 from causalbench.store.cells import StoredCell
 from causalbench.store.statements import Stated
 from causalbench.suite.hypotheses import Statement
@@ -42,7 +42,7 @@ def look_rows(results: Iterable[Row], cells: Iterable[StoredCell], stated: Itera
 def _rows(entry: Stated, finished: Finished) -> list[Row]:
     statement = entry.statement
     numbers = [n for n in range(1, len(statement.looks) + 1) if begun(statement, finished, n)]
-    return [_row(statement, n, judge(entry, finished, n)) for n in numbers]
+    return [_row(statement, n, decide(entry, finished, n)) for n in numbers]
 
 
 def _row(statement: Statement, number: int, judged: Sequence[Judged]) -> Row:

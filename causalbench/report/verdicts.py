@@ -47,7 +47,7 @@ def verdict_rows(results: Iterable[Row], cells: Iterable[StoredCell], stated: It
     A measure is a family of its own, in which Holm's step-down keeps the chance of any wrong verdict at 5%.
     """
     finished = Finished.of(results, cells)
-    return [_row(judged) for entry in stated for judged in judge(entry, finished)]
+    return [_row(judged) for entry in stated for judged in decide(entry, finished)]
 
 
 def _row(judged: Judged) -> Row:
@@ -74,7 +74,7 @@ def _row(judged: Judged) -> Row:
     }
 
 
-def judge(entry: Stated, finished: Finished, looks: int | None = None) -> list[Judged]:
+def decide(entry: Stated, finished: Finished, looks: int | None = None) -> list[Judged]:
     """The hypotheses of one statement: on success areas first, then, as a secondary measure, on steps to 90%.
 
     A statement with looks is judged as after the first `looks` of them, by default after all that were begun.
