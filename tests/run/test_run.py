@@ -222,7 +222,7 @@ def kill_at_moves(
         out = folder / f"run{attempt}"
         attempt += 1
         if discovered:
-            shutil.copytree(whole / "discovery", out / "discovery")
+            copy_discoveries(whole, out)
         code = -signal.SIGKILL
         while code:
             last, writer_too = (1 + int(moves * rng.random()), rng.random() < 0.5) if kills < n else (0, False)
@@ -237,6 +237,12 @@ def kill_at_moves(
         note(f"{out.name}: same bytes")
         continued += continuations(out, note)
     return continued
+
+
+def copy_discoveries(run: Path, out: Path) -> None:
+    """Begin `out` with the causal graphs of `run`, and with what was stated before they were discovered."""
+    shutil.copytree(run / "discovery", out / "discovery")
+    shutil.copy(run / "hypotheses.json", out)
 
 
 def continuations(run: Path, note: Callable[[str], None]) -> Counter[tuple[str, str]]:
@@ -281,7 +287,7 @@ def test_kill_9_at_twenty_moves_of_every_learner(
     suite.write_text(text.replace("learning_starts: 20,", "learning_starts: 20, PPO: {n_steps: 48},"))
     whole, trained = tmp_path / "whole", tmp_path / "trained"
     subprocess.run([*command, *arguments(suite, whole)], check=True, capture_output=True)
-    shutil.copytree(whole / "discovery", trained / "discovery")
+    copy_discoveries(whole, trained)
     code, moves = call_until(kept_often(command, suite, trained), tmp_path)
     assert code == 0
     assert results(trained) == results(whole)
