@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import logging
-import os
-import signal
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from types import FrameType
 from typing import TYPE_CHECKING
 
 from causalbench.atomic import write_folder, write_text
@@ -57,32 +54,6 @@ class Keeping:
 
     checkpoint_every: int = 2_000  # env steps
     tensorboard: bool = False
-
-
-STOPPED = 75
-"""Exit code of a cell's process that was asked to stop and whose cell can go on (`EX_TEMPFAIL`)."""
-
-
-class StopSignal:
-    """What schedulers send, as a question that a training run answers by a checkpoint; it ends at once what never asks.
-
-    Only for a process that runs one cell and nothing else.
-    """
-
-    def __init__(self) -> None:
-        self.came = self.asked = False
-        for number in (signal.SIGTERM, signal.SIGUSR1, signal.SIGUSR2):
-            signal.signal(number, self._on_signal)
-
-    def __call__(self) -> bool:
-        """Whether the signal has come."""
-        self.asked = True
-        return self.came
-
-    def _on_signal(self, number: int, frame: FrameType | None) -> None:
-        self.came = True
-        if not self.asked:
-            os._exit(STOPPED)
 
 
 def run_cell(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -12,10 +13,13 @@ from pathlib import Path
 import pytest
 
 from causalbench.plugins.manager import installed
+from causalbench.processes import start
 from causalbench.run import cell_log
 from causalbench.run.cell_log import LIMIT
+from causalbench.run.executors.cell_process import settle
 from causalbench.run.executors.processes import PRELOAD
 from causalbench.run.executors.schedule import Queue
+from causalbench.store.run_folder import RunFolder
 from causalbench.suite.cells import DiscoveryCell, LearnerCell
 from causalbench.suite.plan import make_plan
 from causalbench.suite.schema import load_suite
@@ -117,6 +121,22 @@ def test_a_hang_ends_at_the_time_limit_and_counts_until_it_is_retried(run: Calla
     run("hanging, diverging", *limit, "--retry-failed", "--only", "backend=diverging")
     after = sorted(path.stat().st_mtime_ns for path in tmp_path.glob("run/cells/*/status.json"))
     assert len(set(after) & set(before)) == 1
+
+
+def _leave(link: object) -> None:
+    """A process that has done its work."""
+
+
+def test_a_cell_that_ended_as_its_time_did_keeps_its_result(
+    finished_run: Path, tiny_suite: Path, tmp_path: Path
+) -> None:
+    run = RunFolder(tmp_path / "run")
+    shutil.copytree(finished_run, run.path)
+    (cell, *_) = make_plan(load_suite(tiny_suite, installed()), "smoke", installed()).cells
+    before = run.status(cell)
+    settle(cell, start("spawn", _leave), run, timed_out=True)
+    assert run.status(cell) == before
+    assert before.state == "done"
 
 
 def test_the_serial_executor_goes_on_after_an_exception(run: Callable, tmp_path: Path) -> None:

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import faulthandler
 import os
+import signal
 import time
 from collections.abc import Sequence
 from multiprocessing.connection import Connection
+from types import FrameType
 
 from causalbench.errors import StoppedError
 from causalbench.processes import Child, Method, start
-from causalbench.run.cell import STOPPED, Keeping, Progress, StopSignal, run_cell
+from causalbench.run.cell import Keeping, Progress, run_cell
 from causalbench.run.cell_log import print_to, shorten
 from causalbench.store.cells import LOG, Status
 from causalbench.store.run_folder import RunFolder
@@ -19,21 +21,47 @@ from causalbench.suite.cells import Cell
 STOP_SECONDS = 45.0
 """How long cells get for their checkpoints: a scheduler that stops a job waits about a minute before it kills."""
 
+STOPPED = 75
+"""Exit code of a cell's process that was asked to stop and whose cell can go on (`EX_TEMPFAIL`)."""
+
+
+class StopSignal:
+    """What schedulers send, as a question that a training run answers by a checkpoint; it ends at once what never asks.
+
+    Only for a process that runs one cell and nothing else.
+    """
+
+    def __init__(self) -> None:
+        self.came = self.asked = False
+        for number in (signal.SIGTERM, signal.SIGUSR1, signal.SIGUSR2):
+            signal.signal(number, self._on_signal)
+
+    def __call__(self) -> bool:
+        """Whether the signal has come."""
+        self.asked = True
+        return self.came
+
+    def _on_signal(self, number: int, frame: FrameType | None) -> None:
+        self.came = True
+        if not self.asked:
+            os._exit(STOPPED)
+
 
 def start_cell(method: Method, cell: Cell, run: RunFolder, keeping: Keeping, cores: int) -> Child:
     """Work on `cell`, which `run.start` has prepared, in a new process. It reports `Progress` through its link."""
     return start(method, _work, cell, run, keeping, cores)
 
 
-def settle(cell: Cell, child: Child, run: RunFolder) -> Status:
-    """The status of a cell whose process has ended, written here if the process could not."""
+def settle(cell: Cell, child: Child, run: RunFolder, timed_out: bool = False) -> None:
+    """Write the status of a cell whose process has ended, if the process could not, and bound its log."""
     child.close()
     shorten(run.folder(cell) / LOG)
-    status = run.status(cell)
-    if status.state in ("running", "pending") and child.process.exitcode != STOPPED:
-        status = Status("failed", f"its process {child.how_it_ended()}; see log.txt")
-        run.finish(cell, status)
-    return status
+    if run.status(cell).state not in ("running", "pending") or child.process.exitcode == STOPPED:
+        return
+    if timed_out:
+        run.finish(cell, Status("timeout", "stopped at the time limit of --timeout"))
+    else:
+        run.finish(cell, Status("failed", f"its process {child.how_it_ended()}; see log.txt"))
 
 
 def stop_all(children: Sequence[Child]) -> None:

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from causalbench.processes import Child
-from causalbench.run.cell import STOPPED, Keeping
-from causalbench.run.executors.cell_process import settle, start_cell, stop_all
+from causalbench.run.cell import Keeping
+from causalbench.run.executors.cell_process import STOPPED, settle, start_cell, stop_all
 from causalbench.store.run_folder import RunFolder
 from causalbench.suite.cells import Cell
 

@@ -9,10 +9,10 @@ from multiprocessing.connection import Connection
 
 from causalbench.processes import Child, preload
 from causalbench.run.cell import Keeping
-from causalbench.run.cell_log import INTERVAL, cut, shorten
+from causalbench.run.cell_log import INTERVAL, cut
 from causalbench.run.executors.cell_process import settle, start_cell, stop_all
 from causalbench.run.executors.schedule import OnCellProgress
-from causalbench.store.cells import LOG, Status
+from causalbench.store.cells import LOG
 from causalbench.store.run_folder import RunFolder
 from causalbench.suite.cells import Cell
 
@@ -79,12 +79,7 @@ class Processes:
         over = [job for job in self._running if job.has_ended()]
         for job in over:
             self._running.remove(job)
-            if job.timed_out:
-                job.child.close()
-                shorten(self.run.folder(job.cell) / LOG)
-                self.run.finish(job.cell, Status("timeout", "stopped at the time limit of --timeout"))
-            else:
-                settle(job.cell, job.child, self.run)
+            settle(job.cell, job.child, self.run, job.timed_out)
         return [job.cell for job in over]
 
     def _receive(self) -> None:

@@ -31,6 +31,7 @@ class Ray:
     def __init__(self, run: RunFolder, keeping: Keeping, jobs: int | None, address: str | None) -> None:
         self.run, self.keeping, self.jobs = run, keeping, jobs or sys.maxsize
         self.ray = _connected(address or "auto")
+        self._task = self.ray.remote(max_retries=RETRIES, retry_exceptions=False)(_work)
         self._running: dict[Any, Cell] = {}  # by the task's reference
 
     def free(self) -> int:
@@ -40,8 +41,8 @@ class Ray:
     def start(self, cell: Cell) -> None:
         """Hand the cell to the cluster, with the cores that it needs."""
         self.run.start(cell)
-        task = self.ray.remote(num_cpus=cell.cores, max_retries=RETRIES, retry_exceptions=False)(_work)
-        self._running[task.options(name=cell.id).remote(ClusterJob(cell, self.run, self.keeping))] = cell
+        task = self._task.options(name=cell.id, num_cpus=cell.cores)
+        self._running[task.remote(ClusterJob(cell, self.run, self.keeping))] = cell
 
     def ended(self) -> list[Cell]:
         """Wait for the next task that ends."""

@@ -11,6 +11,7 @@ import shutil
 import sys
 import time
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from causalbench.atomic import write_text
@@ -23,7 +24,7 @@ from causalbench.suite.cells import Cell
 
 FOLDER, JOBS = ".slurm", "jobs.json"
 POLL_SECONDS = 2.0
-FINAL = ("done", "diverged", "failed", "skipped", "timeout")
+ENDED = ("done", "diverged", "failed", "skipped", "timeout")
 
 
 class Slurm:
@@ -41,6 +42,7 @@ class Slurm:
         self.executor = _executor(self.folder, cluster)
         parallel = {} if jobs is None else {"array_parallelism": jobs}
         _set(self.executor, parallel | dict(options))
+        self._known = _job_ids(self.folder / JOBS)  # cell id -> id of the last job that was submitted for it
         self._new: list[Cell] = []
         self._running: dict[str, tuple[Cell, Any]] = {}  # cell id -> cell and its submitit job
 
@@ -82,19 +84,11 @@ class Slurm:
             self._running |= {cell.id: (cell, job) for cell, job in zip(cells, jobs, strict=True)}
         if self._new:
             self._new = []
-            known = self._known() | {name: job.job_id for name, (_, job) in self._running.items()}
-            write_text(self.folder / JOBS, json.dumps(known, indent=1) + "\n")
-
-    def _known(self) -> dict[str, str]:
-        """Cell id -> id of the last job that was submitted for it."""
-        try:
-            known: dict[str, str] = json.loads((self.folder / JOBS).read_text(encoding="utf-8"))
-        except (OSError, ValueError):  # none was, or the file is damaged: then cells may run twice, to the same bytes
-            return {}
-        return known
+            self._known |= {name: job.job_id for name, (_, job) in self._running.items()}
+            write_text(self.folder / JOBS, json.dumps(self._known, indent=1) + "\n")
 
     def _job_of_an_earlier_command(self, cell: Cell) -> Any:
-        known = self._known().get(cell.id)
+        known = self._known.get(cell.id)
         if known is None or self.run.status(cell).state != "running":
             return None
         job = self.executor.job_class(self.folder, known)
@@ -102,17 +96,25 @@ class Slurm:
 
     def _is_over(self, cell: Cell, job: Any) -> bool:
         """Whether the cell has ended, its status written here if its job could not."""
-        if self.run.status(cell).state in FINAL:
+        if self.run.status(cell).state in ENDED:
             return True
         if not job.done():
             return False
-        if self.run.status(cell).state not in FINAL:
+        if self.run.status(cell).state not in ENDED:
             reason = f"its job {job.job_id} ended as {job.state}; see {job.paths.stderr}"
             self.run.finish(cell, Status("failed", reason))
         return True
 
 
-def _executor(folder: Any, cluster: str) -> Any:
+def _job_ids(path: Path) -> dict[str, str]:
+    try:
+        known: dict[str, str] = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):  # none was, or the file is damaged: then cells may run twice, to the same bytes
+        return {}
+    return known
+
+
+def _executor(folder: Path, cluster: str) -> Any:
     try:
         import submitit
     except ImportError:
