@@ -43,7 +43,7 @@ def report(
     from causalbench.store.run_folder import RunFolder
 
     print_problems([RunFolder(run)])
-    typer.echo(write_report(run, out))
+    typer.echo(visible(str(write_report(run, out))))
 
 
 def play(

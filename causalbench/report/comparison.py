@@ -11,8 +11,8 @@ import scipy.stats
 from numpy.typing import NDArray
 
 from causalbench.report.permutation import TOLERANCE, Array, Shifts, Size, least_p, regroup
+from causalbench.report.stats import ALPHA
 
-ALPHA = 0.05
 POWER = 0.8
 LEAST_CORRELATION = 0.5
 """From here on pairs halve the variance of a difference."""

@@ -59,6 +59,12 @@ def frames_of(cells: Sequence[StoredCell], stated: Sequence[Stated]) -> Results:
     return Results(**frames)
 
 
+def records(frame: pd.DataFrame) -> list[dict[str, Any]]:
+    """The rows of `frame`; None for a missing value."""
+    plain = frame.astype(object).where(frame.notna(), None)
+    return [{str(key): value for key, value in row.items()} for row in plain.to_dict("records")]
+
+
 def _frame(columns: Sequence[str], rows: Sequence[dict[str, Any]]) -> pd.DataFrame:
     frame = pd.DataFrame.from_records(list(rows), columns=list(columns))
     return frame.replace({"": pd.NA}).astype({name: COLUMNS[name].dtype for name in columns if name in COLUMNS})

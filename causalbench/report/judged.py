@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from causalbench.report.comparison import ALPHA, Comparison
+from causalbench.report.comparison import Comparison
+from causalbench.report.stats import ALPHA
 from causalbench.suite.hypotheses import Hypothesis
 
 AREA, STEPS = "success_auc", "steps_to_90"

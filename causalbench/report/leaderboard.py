@@ -22,6 +22,11 @@ Row = dict[str, Any]
 FAILED = {"failed", "timeout", "diverged", "skipped", "damaged"}
 
 
+def at_point(name: str, grid_point: str) -> str:
+    """What a method or a backend is called at a point of a suite's grid, "" being that of a suite without one."""
+    return f"{name} ({grid_point})" if grid_point else name
+
+
 @dataclass(frozen=True)
 class Entry:
     """One method on one board: its finished cells by backend, and how many of the `planned` ones there are not.
@@ -38,7 +43,7 @@ class Entry:
     @property
     def name(self) -> str:
         """What a verdict calls it."""
-        return f"{self.method} ({self.grid_point})" if self.grid_point else self.method
+        return at_point(self.method, self.grid_point)
 
     @property
     def rows(self) -> list[Row]:

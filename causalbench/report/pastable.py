@@ -8,6 +8,9 @@ from typing import Any
 
 import pandas as pd
 
+from causalbench.report.frames import records
+from causalbench.report.leaderboard import at_point
+
 HEADINGS = (
     "backend",
     "rank",
@@ -66,12 +69,10 @@ def _md_row(cells: Sequence[str], escape: Callable[[str], str]) -> str:
 
 
 def _rows(board: pd.DataFrame) -> list[list[str]]:
-    plain = board.astype(object).where(board.notna(), None)
-    return [_row(row) for row in plain.to_dict("records")]
+    return [_row(row) for row in records(board)]
 
 
 def _row(row: Mapping[Any, Any]) -> list[str]:
-    method = f"{row['method']} ({row['grid_point']})" if row["grid_point"] else row["method"]
     area = _number(row["success_auc_iqm"], ".3f")
     if row["success_auc_lowest"] is not None:
         area += f" [{row['success_auc_lowest']:.3f}, {row['success_auc_highest']:.3f}]"
@@ -80,7 +81,7 @@ def _row(row: Mapping[Any, Any]) -> list[str]:
     return [
         row["backend"],
         _number(row["rank"], "d"),
-        method,
+        at_point(row["method"], row["grid_point"]),
         _number(row["seeds"], "d"),
         area,
         success,

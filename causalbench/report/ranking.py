@@ -8,8 +8,9 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.report.comparison import ALPHA, holm
+from causalbench.report.comparison import holm
 from causalbench.report.permutation import DRAWS, Array, least_p, regroup
+from causalbench.report.stats import ALPHA
 
 
 def shown_better(methods: Sequence[Sequence[Array]]) -> NDArray[np.bool_]:

@@ -10,9 +10,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
-from causalbench.report.comparison import ALPHA
 from causalbench.report.judged import AREA, Judged
 from causalbench.report.permutation import least_p
+from causalbench.report.stats import ALPHA
 from causalbench.report.verdicts import Finished, begun, boards, decide
 from causalbench.store.cells import StoredCell
 from causalbench.store.statements import Stated

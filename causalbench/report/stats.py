@@ -15,6 +15,7 @@ Array = NDArray[np.float64]
 Interval = tuple[float, float]
 
 ALPHA = 0.05
+"""The level of every test and of every interval, which is then of 95%."""
 
 
 def wilson(successes: int, n: int) -> Interval:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from causalbench.report.comparison import ALPHA
 from causalbench.report.judged import AREA, Judged
+from causalbench.report.stats import ALPHA
 
 
 def sentence(judged: Judged) -> str:

@@ -14,10 +14,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from causalbench.report.comparison import ALPHA, pairs_pay
+from causalbench.report.comparison import pairs_pay
 from causalbench.report.permutation import Array, regroup
 from causalbench.report.sequential import with_looks
-from causalbench.report.stats import area_under
+from causalbench.report.stats import ALPHA, area_under
 from causalbench.suite.hypotheses import Statement
 
 CURVES = Path(__file__).parents[2] / "docs/data/ablation_curves.csv"

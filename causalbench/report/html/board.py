@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from causalbench.report.drawing import STAGE_COLOURS
+from causalbench.report.frames import records
 from causalbench.report.html.drawings import INK
 from causalbench.report.html.multiples import Multiples
 from causalbench.report.html.parts import Download, Fold, Note, Row, Section, Table, Value
 from causalbench.report.html.source import Source
-from causalbench.report.html.wording import NOTHING, column, entry, listed, number, percent, records, text
+from causalbench.report.html.wording import NOTHING, column, entry, listed, number, percent, text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

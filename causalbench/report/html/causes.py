@@ -12,6 +12,7 @@ from causalbench.core.discovery.graph import CausalGraph, StageGraph
 from causalbench.report.drawing import style
 from causalbench.report.edge_scores import edge_scores
 from causalbench.report.figures import draw_evidence, draw_graphs
+from causalbench.report.frames import records
 from causalbench.report.html.drawings import embedded
 from causalbench.report.html.parts import (
     Column,
@@ -28,7 +29,8 @@ from causalbench.report.html.parts import (
     Value,
 )
 from causalbench.report.html.source import Source
-from causalbench.report.html.wording import NOTHING, column, count, listed, number, records, text
+from causalbench.report.html.wording import NOTHING, column, count, listed, number, text
+from causalbench.report.leaderboard import at_point
 from causalbench.store.cells import StoredCell
 
 EDGE = ["stage", "term", "action"]
@@ -68,11 +70,6 @@ def _groups(cells: Iterable[StoredCell]) -> dict[Group, list[StoredCell]]:
     for cell in cells:
         found.setdefault((cell.backend, cell.grid_point), []).append(cell)
     return found
-
-
-def name_of(group: Group) -> str:
-    """What the page calls the discoveries of a backend at a point of a grid."""
-    return f"{group[0]} ({group[1]})" if group[1] else group[0]
 
 
 def majority(source: Source) -> pd.DataFrame:
@@ -118,7 +115,7 @@ def _matrix(edges: pd.DataFrame, group: Group, cells: Sequence[StoredCell]) -> M
         for action in graph.stages[0].actions
     ]
     stages = [(stage.stage, len(stage.terms)) for stage in graph.stages]
-    return Matrix(name_of(group), stages, [term for _, term in columns], lines, group[0], _how(cells))
+    return Matrix(at_point(*group), stages, [term for _, term in columns], lines, group[0], _how(cells))
 
 
 def _how(cells: Sequence[StoredCell]) -> str:
@@ -159,7 +156,7 @@ def _differences(edges: pd.DataFrame, group: Group, cells: Sequence[StoredCell])
     missing = [_edge(row) for row in differing if not is_found(row)]
     said = [f"discovered and not declared: {listed(added)}"] if added else []
     said += [f"declared and not discovered: {listed(missing)}"] if missing else []
-    where = name_of(group)
+    where = at_point(*group)
     exact = sum(_same(cell) for cell in cells)
     each = f" Of {count(len(cells), 'discovery', 'discoveries')}, {exact} equal it edge by edge."
     notes = [
@@ -207,7 +204,7 @@ def _agreement(edges: pd.DataFrame, groups: Sequence[Group]) -> list[Table]:
             if found[one][stage, term, action] != found[other][stage, term, action]
         ]
         share = Value(f"{same} of {len(shared)}", same / len(shared) if shared else 0.0)
-        rows.append(Row([text(name_of(one)), text(name_of(other)), share, text(listed(differing) or "none")]))
+        rows.append(Row([text(at_point(*one)), text(at_point(*other)), share, text(listed(differing) or "none")]))
     columns = [Column("one"), Column("other"), Column("edges that agree", "", True), Column("edges that differ")]
     return [Table("Agreement between discoveries, majority of each", columns, rows)]
 
@@ -222,7 +219,7 @@ def _scores(source: Source) -> list[Table]:
     rows = [
         Row(
             [
-                text(name_of((row["backend"], row["grid_point"]))), Value(str(row["stage"]), str(row["stage"])),
+                text(at_point(row["backend"], row["grid_point"])), Value(str(row["stage"]), str(row["stage"])),
                 number(row["seeds"], 0), number(row["precision"]), number(row["recall"]), number(row["f1"]),
                 number(row["missed"], 0), number(row["false"], 0),
             ],
@@ -254,7 +251,7 @@ def _edges(edges: pd.DataFrame, groups: dict[Group, list[StoredCell]], source: S
         rows.append(
             Row(
                 [
-                    text(name_of(group)), number(row["stage"], 0), text(row["term"]), text(row["action"]),
+                    text(at_point(*group)), number(row["stage"], 0), text(row["term"]), text(row["action"]),
                     Value(f"{row['selected']} of {row['seeds']}", row["selected"] / row["seeds"]),
                     text("yes" if row["human"] else "no"), text(row["grade"]), _effect(row),
                     _evidence(found.get_group(key)[main.name], main.name) if main else NOTHING,
@@ -289,7 +286,7 @@ def _evidence(found: pd.Series, name: str) -> Value:
 def _pictures(group: Group, cell: StoredCell, index: int) -> Fold:
     """The paper's pictures of one discovery."""
     graph, human = cell.graph(), cell.human_graph()
-    where = f"{name_of(group)}, seed {cell.seed}"
+    where = f"{at_point(*group)}, seed {cell.seed}"
     edges = listed(
         f"{a} → {t}"
         for s in graph.stages

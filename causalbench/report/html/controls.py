@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from causalbench.report.frames import records
 from causalbench.report.html.parts import Column, Note, Row, Section, Table, Value
 from causalbench.report.html.source import Source
-from causalbench.report.html.wording import column, entry, number, percent, records, text
+from causalbench.report.html.wording import column, entry, number, percent, text
 from causalbench.report.stats import wilson
 
 LEAD = (

@@ -11,12 +11,13 @@ import pandas as pd
 
 from causalbench.report import stats
 from causalbench.report.drawing import STAGE_COLOURS
+from causalbench.report.frames import records
 from causalbench.report.html.board import steps
 from causalbench.report.html.drawings import INK, LEFT, SIZE
 from causalbench.report.html.multiples import Multiples
 from causalbench.report.html.parts import Note, Row, Section, Table
 from causalbench.report.html.source import Source
-from causalbench.report.html.wording import column, entry, number, records, text
+from causalbench.report.html.wording import by_entry, column, entry, number, text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -104,7 +105,7 @@ def multiples(source: Source, with_discovery: bool) -> Iterator[Multiples]:
     """The panels of each backend."""
     table = bands(source, with_discovery).astype({"low": float, "high": float})
     for backend, here in table.groupby("backend"):
-        curves = {entry(dict(zip(CURVE[2:], keys, strict=True))): own for keys, own in here.groupby(list(CURVE[2:]))}
+        curves = by_entry(here)
         end = int(here["env_steps"].max())
         panels = [
             Curve(name, own, [other for other in curves.values() if other is not own], end)

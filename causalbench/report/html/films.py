@@ -11,6 +11,7 @@ from causalbench.report.drawing import STAGE_COLOURS
 from causalbench.report.html.parts import FilmBlock, Note, Section, Stretch, data_uri
 from causalbench.report.html.source import Source
 from causalbench.report.html.wording import count
+from causalbench.report.leaderboard import at_point
 from causalbench.store.cells import StoredCell
 from causalbench.store.films import VIDEOS, Film, read_film
 
@@ -65,6 +66,5 @@ def _film(cell: StoredCell, video: Path, film: Film) -> FilmBlock:
         colour = "var(--good)" if success else STAGE_COLOURS[(stage - 1) % len(STAGE_COLOURS)]
         ribbon.append(Stretch(name, colour, 100 * at / total, 100 * frames / total, at / film.fps))
         at += frames
-    grid = f" ({cell.grid_point})" if cell.grid_point else ""
-    title = f"{cell.method}{grid} on {cell.backend}, seed {cell.seed}"
+    title = f"{at_point(cell.method, cell.grid_point)} on {cell.backend}, seed {cell.seed}"
     return FilmBlock(title, data_uri("video/mp4", video.read_bytes()), ribbon, cell.backend, cell.method)

@@ -13,7 +13,7 @@ from causalbench.report.drawing import STAGE_COLOURS
 from causalbench.report.html.drawings import INK, LEFT, SIZE
 from causalbench.report.html.multiples import Multiples
 from causalbench.report.html.source import Source
-from causalbench.report.html.wording import entry
+from causalbench.report.html.wording import by_entry
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -71,8 +71,7 @@ def multiples(source: Source) -> Iterator[Multiples]:
     """The panels of each backend."""
     table = pooled(source.tables.stage_account)
     for backend, here in table.groupby("backend"):
-        found = {entry(dict(zip(GROUP[1:], keys, strict=True))): own for keys, own in here.groupby(GROUP[1:])}
-        panels = [Flow(name, own) for name, own in found.items()]
+        panels = [Flow(name, own) for name, own in by_entry(here).items()]
         yield Multiples(
             name=f"stages-{backend}",
             title=str(backend),

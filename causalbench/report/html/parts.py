@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 import pandas as pd
 from markupsafe import Markup
 
+from causalbench.report.frames import records
 from causalbench.store.records import csv_text
 
 
@@ -23,9 +24,7 @@ class Download:
     @classmethod
     def csv(cls, name: str, frame: pd.DataFrame) -> Download:
         """`frame` as the CSV file `name`."""
-        plain = frame.astype(object).where(frame.notna(), None)
-        rows = ({str(key): value for key, value in row.items()} for row in plain.to_dict("records"))
-        return cls(name, data_uri("text/csv", csv_text(list(map(str, frame.columns)), rows).encode()))
+        return cls(name, data_uri("text/csv", csv_text(list(map(str, frame.columns)), records(frame)).encode()))
 
 
 def data_uri(mime: str, content: bytes) -> str:

@@ -7,10 +7,11 @@ from typing import Any
 import pandas as pd
 
 from causalbench.report.columns import COLUMNS
+from causalbench.report.frames import records
 from causalbench.report.html import flow
 from causalbench.report.html.parts import Column, Download, Fold, Note, Row, Section, Table, Value
 from causalbench.report.html.source import Source
-from causalbench.report.html.wording import column, entry, number, percent, records, text
+from causalbench.report.html.wording import column, entry, number, percent, text
 
 NAMED = [Column("backend"), Column("method")]
 LEAD = (

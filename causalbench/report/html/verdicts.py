@@ -8,9 +8,10 @@ from typing import Any
 import pandas as pd
 
 from causalbench.report.columns import COLUMNS
+from causalbench.report.frames import records
 from causalbench.report.html.parts import Column, Download, Fold, Note, Row, Section, Table, Value, Verdict
 from causalbench.report.html.source import Source
-from causalbench.report.html.wording import NOTHING, column, listed, number, records, text
+from causalbench.report.html.wording import NOTHING, column, listed, number, text
 from causalbench.report.judged import AREA
 
 LEAD = (

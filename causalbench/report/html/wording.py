@@ -2,28 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Any
 
 import pandas as pd
 
 from causalbench.report.columns import COLUMNS
 from causalbench.report.html.parts import Column, Value
+from causalbench.report.leaderboard import at_point
 
 NOTHING = Value("\N{EN DASH}")
 
 
-def records(frame: pd.DataFrame) -> list[dict[str, Any]]:
-    """The rows of `frame`; None for a missing value."""
-    plain = frame.astype(object)
-    return [
-        {str(key): value for key, value in row.items()} for row in plain.where(plain.notna(), None).to_dict("records")
-    ]
-
-
 def entry(row: Any) -> str:
     """What the page calls a method at a point of a grid."""
-    return f"{row['method']} ({row['grid_point']})" if row["grid_point"] else str(row["method"])
+    return at_point(row["method"], row["grid_point"])
+
+
+def by_entry(frame: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    """The rows of `frame` by what the page calls their method at its point of a grid."""
+    groups = frame.groupby(["method", "grid_point"])
+    return {at_point(str(method), str(point)): own for (method, point), own in groups}
 
 
 def number(value: float | None, digits: int = 3) -> Value:
@@ -61,8 +60,3 @@ def count(n: int, one: str, many: str = "") -> str:
 def listed(names: Iterable[str]) -> str:
     """Names with commas."""
     return ", ".join(names)
-
-
-def present(values: Sequence[Any]) -> list[Any]:
-    """Those that are not missing."""
-    return [value for value in values if value is not None]
