@@ -1,4 +1,4 @@
-"""Commands that read run folders: `leaderboard`, `report`, `play`, `verify`."""
+"""Commands that read run folders: `leaderboard`, `report`, `play`, `reversals`, `verify`."""
 
 from __future__ import annotations
 
@@ -60,6 +60,26 @@ def play(
     print_problems([folder])
     for path in play(folder, only or (), episodes):
         typer.echo(visible(str(path)))
+
+
+def reversals(
+    run: Annotated[Path, typer.Argument(help="Run folder.")],
+    only: Only = None,
+    episodes: Annotated[
+        int, typer.Option(min=1, help="Episodes of each policy, deterministic and as many sampled.")
+    ] = 20,
+) -> None:
+    """Take every step that fell back again without some actions: reversals.csv, which `report` then shows."""
+    from causalbench.cli.terminal_tables import print_problems
+    from causalbench.report.tables import write_tables
+    from causalbench.run.reversals import account_for_reversals
+    from causalbench.store.run_folder import RunFolder
+
+    folder = RunFolder(run)
+    print_problems([folder])
+    for sentence in account_for_reversals(folder, only or (), episodes):
+        typer.echo(visible(sentence))
+    write_tables(folder)
 
 
 def verify(

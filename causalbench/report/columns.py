@@ -87,7 +87,9 @@ COLUMNS: dict[str, Column] = {
     "held": _count("", "1 if the success stood the task's own test, 0 if not; empty without success or test."),
     "n_stages": _count("stages", "Stages of the task."),
     "length": _count("control steps", "Length of the episode."),
-    "reversals": _count("reversals", "Steps of the episode that led to an earlier stage."),
+    "reversals": _count(
+        "reversals", "Steps of the episode that led to an earlier stage; in `reversals.csv` those from `stage`."
+    ),
     "final_stage": _count("", "Stage after the last step; success is one more than `n_stages`."),
     "stages": _text("The stage before each step, in run-length form: `1x12 2x5` is 12 steps in stage 1, 5 in stage 2."),
     "return": _number("reward", "Undiscounted return of the episode, all terms together."),
@@ -117,6 +119,18 @@ COLUMNS: dict[str, Column] = {
     "latched": _number("", "The share by the rule."),
     "at_end": _number("", "The same bar judged at the end of the episode, a success only if it held."),
     "points": _number("percentage points", "What remembering adds: 100 (`latched` - `at_end`)."),
+    # Whose doing a reversal is: the step that led to it, taken again from a snapshot
+    "causes_graph": _text(
+        "Hash of the graph whose causes are meant: what the run discovered on the backend, of the cell's own seed or "
+        "of the lowest one, else the human's."
+    ),
+    "reversals_repeated": _count(
+        "reversals", "Those that came again when nothing was changed: all of them where snapshots are exact."
+    ),
+    "vanished_without_redundant": _count(
+        "reversals", "Those that did not come with every action outside the stage's causes at 0."
+    ),
+    "vanished_without_causes": _count("reversals", "Those that did not come with every cause of the stage at 0."),
     # Leaderboard
     "rank": _count(
         "",
@@ -217,6 +231,10 @@ COLUMNS: dict[str, Column] = {
 KEYS = ("task", "backend", "method", "grid_point", "seed")
 EDGE_KEYS = ("task", "backend", "grid_point", "seed", "stage", "term", "action", "selected", "in_policy")
 EFFECT = ("effect", "effect_low", "effect_high")
+REVERSALS = (
+    "causes_graph", "episode", "deterministic", "stage", "steps_in_stage", "reversals", "reversals_repeated",
+    "vanished_without_redundant", "vanished_without_causes",
+)  # fmt: skip
 
 TABLES: dict[str, tuple[str, ...]] = {
     "results.csv": (
@@ -242,6 +260,7 @@ TABLES: dict[str, tuple[str, ...]] = {
         *KEYS, "episodes", "largest_progress", "final_progress", "regression_loss", "path_efficiency",
         "largest_drawdown", "episodes_with_drawdown", "drawdown_recovered",
     ),
+    "reversals.csv": (*KEYS, *REVERSALS),
     "latching.csv": (*KEYS, "rule", "threshold", "latched", "at_end", "points"),
     "discovery.csv": (*EDGE_KEYS, *(f"oracle_{name}" for name in EFFECT), "oracle_grade"),
     "leaderboard.csv": (
@@ -265,6 +284,7 @@ TABLES: dict[str, tuple[str, ...]] = {
         "episode", "deterministic", "success", "held", "n_stages", "length", "reversals", "final_stage", "stages",
         "return",
     ),
+    "cells/*/reversals.csv": REVERSALS,
     "discovery/*/evidence.csv": ("stage", "term", "action", "selected", "in_policy"),
     "discovery/*/oracle.csv": ("stage", "term", "action", *EFFECT, "floor", "grade", "selected"),
     "discovery/*/score.csv": ("stage", "precision", "recall", "f1", "shd", "f1_weak_present"),

@@ -31,6 +31,7 @@ class Results:
     moves: pd.DataFrame
     progress_account: pd.DataFrame
     latching: pd.DataFrame
+    reversals: pd.DataFrame
     discovery: pd.DataFrame
     leaderboard: pd.DataFrame
     verdicts: pd.DataFrame

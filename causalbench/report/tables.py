@@ -45,6 +45,7 @@ def tables(cells: Sequence[StoredCell], stated: Sequence[Stated]) -> dict[str, T
         "returns.csv": [row for cell in learned for row in _return_rows(cell)],
         "stages.csv": [row for cell in learned for row in _stage_rows(cell)],
         **_account(learned),
+        "reversals.csv": [_keys(cell) | row for cell in learned for row in cell.reversals()],
         "leaderboard.csv": board,
         "agreement.csv": agreement(board),
         "verdicts.csv": verdict_rows(results, cells, stated),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import closing
 from pathlib import Path
 from typing import NamedTuple
 
@@ -11,19 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from causalbench.atomic import replacing
-from causalbench.core.learners.policy import load_policy
 from causalbench.core.learners.registry import Policy
-from causalbench.core.learners.settings import observed
 from causalbench.core.staged.env import StageTaskEnv
 from causalbench.errors import UserError
-from causalbench.plugins.manager import installed
-from causalbench.plugins.venues import worlds_maker
+from causalbench.run.policies import finished, trained
 from causalbench.store.cells import StoredCell
 from causalbench.store.claim import own_folder
 from causalbench.store.episodes import run_lengths
 from causalbench.store.films import VIDEOS, Film, write_film
 from causalbench.store.run_folder import RunFolder
-from causalbench.suite.selection import Selection
 
 WIDTH, HEIGHT = 640, 480  # pixels; both are multiples of 16, as the codec wants them
 CAPTION = 24  # pixels
@@ -45,10 +40,7 @@ def play(run: RunFolder, only: Sequence[str], episodes: int) -> Iterator[Path]:
     They are `videos/<cell id>.mp4` in the run's folder, at the speed of the world, each with its stages in a .json
     beside it. Raises `UserError` when there is nothing to film or nothing to film it with.
     """
-    selection = Selection.parse(only)
-    cells = [cell for cell in run.cells() if cell.is_done("learner") and selection.keeps(cell.identity)]
-    if not cells:
-        raise UserError(f"{run.path}: no finished policy here, or none that --only keeps")
+    cells = finished(run, only)
     videos = own_folder(run.path / VIDEOS)
     for cell in cells:
         yield _film(cell, videos / f"{cell.id}.mp4", episodes)
@@ -61,12 +53,8 @@ def _film(cell: StoredCell, path: Path, episodes: int) -> Path:
     except ImportError as error:
         raise UserError("videos need `pip install causalbench-robotics[video]`") from error
 
-    identity, title = cell.identity, f"{cell.method} on {cell.backend}, seed {cell.seed}"
-    first_start = identity["evaluation"]["first_start"]
-    load = installed().learner(identity["method"]["learner"]).load_policy or load_policy
-    policy, task = load(cell.policy_folder()), installed().task(cell.task)
-    make_worlds = worlds_maker(installed().backend(cell.backend), task, identity["backend"]["options"])
-    with closing(StageTaskEnv(make_worlds(), None, *observed(identity["learner"]).values())) as env:
+    title = f"{cell.method} on {cell.backend}, seed {cell.seed}"
+    with trained(cell) as (policy, env, first_start):
         look = {"fps": env.metadata["render_fps"], "codec": "libx264", "quality": 8}
         stages = []
         with replacing(path) as temporary, imageio.get_writer(temporary, **look) as writer:
@@ -74,7 +62,7 @@ def _film(cell: StoredCell, path: Path, episodes: int) -> Path:
                 for shot in film_episode(policy, env, first_start + episode, title):
                     writer.append_data(shot.picture)  # type: ignore[attr-defined]
                     stages.append(shot.stage)
-        write_film(path, Film(env.metadata["render_fps"], task.n_stages, run_lengths(stages)))
+        write_film(path, Film(env.metadata["render_fps"], env.task.n_stages, run_lengths(stages)))
     return path
 
 

@@ -22,6 +22,7 @@ from causalbench.names import PATTERN
 from causalbench.store.episodes import read_episodes
 from causalbench.store.files import check_digests, digests, is_file, is_folder, read_json, validated
 from causalbench.store.records import Counts, read_counts, read_effects, read_progress
+from causalbench.store.reversals import REVERSALS, read_reversals
 from causalbench.suite.cells import cell_id
 
 State = Literal["done", "failed", "timeout", "diverged", "skipped", "running", "pending", "damaged"]
@@ -34,7 +35,7 @@ CHECKPOINT = "checkpoint.safetensors"
 LOG = "log.txt"
 KINDS = {"learner": "cells", "discovery": "discovery"}
 """Kind of a cell -> the folder that such cells lie in."""
-NO_RESULTS = frozenset({CELL, STATUS, LOG, CHECKPOINT, DATA, "figures", "tensorboard"})
+NO_RESULTS = frozenset({CELL, STATUS, LOG, CHECKPOINT, DATA, REVERSALS, "figures", "tensorboard"})
 """What may lie in a cell's folder without being a result; samples have digests of their own."""
 RESULTS = {
     "learner": frozenset({"progress.csv", "episodes.csv", "counts.json"}),
@@ -157,6 +158,10 @@ class StoredCell:
     def episodes(self) -> list[Episode]:
         """The episodes of a finished learner's last evaluation; empty where the learner keeps none."""
         return read_episodes(self.file("episodes.csv"))
+
+    def reversals(self) -> list[dict[str, str | int]]:
+        """Whose doing the reversals of a finished learner's policy are; empty where nobody asked."""
+        return read_reversals(self.folder)
 
     def counts(self) -> Counts:
         """What the training of a finished learner added up to."""

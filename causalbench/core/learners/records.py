@@ -84,3 +84,22 @@ class TrainingCounts:
     long_reversals: int = 0
     reached: dict[int, int] = field(default_factory=dict)  # stage -> episodes that reached it
     updates: dict[int, int] = field(default_factory=dict)  # stage -> gradient updates
+
+
+@dataclass(frozen=True)
+class ReversalCauses:
+    """The reversals of one episode from one stage.
+
+    `reversals_repeated` came again when the unchanged step was taken again, which is a check of the snapshots.
+    `vanished_without_redundant` did not come with every action outside the stage's causes at 0, and
+    `vanished_without_causes` did not come with every cause at 0.
+    """
+
+    episode: int
+    deterministic: bool
+    stage: int
+    steps_in_stage: int
+    reversals: int
+    reversals_repeated: int
+    vanished_without_redundant: int
+    vanished_without_causes: int

@@ -26,6 +26,7 @@ from causalbench.report.html import (
     flow,
     provenance,
     reversal,
+    transitions,
     verdicts,
 )
 from causalbench.report.html.multiples import Multiples
@@ -81,6 +82,7 @@ def all_multiples(source: Source) -> Iterator[Multiples]:
     yield from board.multiples(source)
     yield from curves.multiples(source, with_discovery=False)
     yield from flow.multiples(source)
+    yield from transitions.multiples(source)
     if curves.has_price(source):
         yield from curves.multiples(source, with_discovery=True)
 

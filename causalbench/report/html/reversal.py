@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from causalbench.report.columns import COLUMNS
 from causalbench.report.frames import records
-from causalbench.report.html import flow
+from causalbench.report.html import flow, transitions
 from causalbench.report.html.parts import Column, Download, Fold, Note, Row, Section, Table, Value
 from causalbench.report.html.source import Source
 from causalbench.report.html.wording import column, entry, number, percent, text
+from causalbench.report.reversal_shares import vanished_share
 
 NAMED = [Column("backend"), Column("method")]
 LEAD = (
@@ -19,6 +21,14 @@ LEAD = (
     "it; it is held if the episode never falls below it again. Benchmarks that remember a stage once it was reached "
     "cannot see the rest. A success is held if it stood the task's own test, such as lift and "
     "hold. Episodes of all seeds are pooled; the range beside a share is that of single seeds."
+)
+
+VANISHED = ("vanished_without_redundant", "vanished_without_causes")
+CAUSES = (
+    "Every step that fell back was taken again from a snapshot, with the actions that cause none of the stage's "
+    "rewards at 0, and with its causes at 0. A reversal that then does not come was the doing of these actions, alone "
+    "or with the others. A policy built on the same graph sets no redundant action, so that none of its reversals can "
+    "vanish without them. Intervals are over episodes of these policies, not over seeds."
 )
 
 
@@ -29,7 +39,8 @@ def section(source: Source) -> Section:
         return Section("stages", "What became of each stage", "", [note])
     blocks = [
         *(found.block() for found in flow.multiples(source)),
-        Fold("Every stage in numbers", [_fates(source)]), _progress(source), _latching(source),
+        Fold("Every stage in numbers", [_fates(source)]), *_causes(source), _progress(source), _latching(source),
+        *(found.block() for found in transitions.multiples(source)),
         Fold("Steps from stage to stage", [_moves(source)]),
     ]  # fmt: skip
     return Section("stages", "What became of each stage", LEAD, blocks)
@@ -58,6 +69,41 @@ def _fates(source: Source) -> Table:
     return Table(
         "Stages, as shares of episodes", columns, rows, Download.csv("stage_account.csv", source.tables.stage_account)
     )
+
+
+def _causes(source: Source) -> list[Note | Table]:
+    """Whose doing the reversals are, where somebody asked."""
+    rows = source.tables.reversals
+    if rows.empty:
+        return [Note(f"Whose doing the reversals are is not known yet: causalbench reversals {source.run.path.name}")]
+    columns = [
+        *NAMED, Column("actions", "Whether the policy's mean action was taken, or actions were drawn."),
+        column("episodes"), column("reversals"),
+        *(column(name, name.replace("_", " ")) for name in ("reversals_repeated", *VANISHED)),
+    ]  # fmt: skip
+    groups = rows.groupby([*flow.GROUP, "deterministic"])
+    found = [_whose(dict(zip([*flow.GROUP, "deterministic"], keys, strict=True)), own) for keys, own in groups]
+    csv = Download.csv("reversals.csv", rows)
+    return [
+        Note(CAUSES),
+        Table("Reversals that vanish when the step is taken again without some actions", columns, found, csv),
+    ]
+
+
+def _whose(keys: dict[str, Any], rows: pd.DataFrame) -> Row:
+    reversals, repeated = int(rows["reversals"].sum()), int(rows["reversals_repeated"].sum())
+    episodes = rows[["seed", "episode"]].drop_duplicates()
+    actions = text("mean" if keys["deterministic"] else "drawn")
+    counts = (number(len(episodes), 0), number(reversals, 0), number(repeated, 0))
+    return _row(keys, actions, *counts, *(_share(rows, name) for name in VANISHED))
+
+
+def _share(rows: pd.DataFrame, vanished: str) -> Value:
+    share, low, high = vanished_share(rows, vanished)
+    if np.isnan(share):
+        return percent(None)
+    interval = "" if np.isnan(low) else f" ({100 * low:.0f} to {100 * high:.0f}%)"
+    return Value(f"{100 * share:.0f}%{interval}", share)
 
 
 def _progress(source: Source) -> Table:
@@ -98,27 +144,13 @@ def _rule(row: dict[str, Any]) -> str:
 
 
 def _moves(source: Source) -> Table:
-    found = (
-        source.tables.moves.astype({"to_stage": int})
-        .groupby([*flow.GROUP, "from_stage", "to_stage"])["count"]
-        .sum()
-        .reset_index()
-    )
-    total = found.groupby(flow.GROUP)["count"].transform("sum")
     columns = [
-        *NAMED,
-        column("from_stage"),
-        column("to_stage"),
-        column("count", "steps"),
-        Column("per 1,000 steps", "", True),
-    ]
-    rows = [
-        _row(
-            row, number(row["from_stage"], 0), number(row["to_stage"], 0), number(row["count"], 0),
-            number(1000 * row["count"] / steps, 1),
-        )
-        for row, steps in zip(records(found), total, strict=True) if row["from_stage"] != row["to_stage"]
+        *NAMED, column("from_stage"), column("to_stage"), column("count", "steps"), Column("per 1,000 steps", "", True),
     ]  # fmt: skip
+    rows = [
+        _row(row, *(number(row[name], 0) for name in ("from_stage", "to_stage", "count")), number(row["rate"], 1))
+        for row in records(transitions.rates(source.tables.moves))
+    ]
     return Table("Steps that led to another stage", columns, rows, Download.csv("moves.csv", source.tables.moves))
 
 

@@ -14,11 +14,13 @@ from stored import LEARNER, PlannedCell, discovered, episode, finished
 
 import causalbench
 from causalbench.core.discovery.graph import CausalGraph, EvidenceColumn, manual_graph
+from causalbench.core.learners.records import ReversalCauses
 from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench.report.html.source import Source, read_source
 from causalbench.store.cells import LOG, Status
 from causalbench.store.claim import own_folder
 from causalbench.store.films import VIDEOS, Film, write_film
+from causalbench.store.reversals import write_reversals
 from causalbench.store.run_folder import RunFolder
 from causalbench.suite.hypotheses import Statement
 
@@ -51,6 +53,13 @@ def oracle_table() -> str:
     return "\n".join(lines) + "\n"
 
 
+def _account(folder: Path, seed: int) -> None:
+    """Four episodes with two reversals each, of which both vanish without redundant actions if the seed is even."""
+    vanished = 2 if seed % 2 == 0 else 0
+    rows = [ReversalCauses(number, True, 2, 9, 2, 2, vanished, 0) for number in range(4)]
+    write_reversals(folder, "abc", rows)
+
+
 def _film(run: RunFolder, cell: str) -> None:
     """Three seconds of a film: two in stage 1, one in stage 2."""
     path = own_folder(run.path / VIDEOS) / f"{cell}.mp4"
@@ -72,7 +81,9 @@ def shown_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
         for method, areas in AREAS.items():
             named = {"method": {"name": method, "learner": "SAC", "control": "none", "matrix": "none"}}
             for seed, success in enumerate(areas):
-                finished(run, success, episodes, seed=seed, **place, **named)
+                cell = finished(run, success, episodes, seed=seed, **place, **named)
+                if backend == "physical":
+                    _account(run.folder(cell), seed)
         for seed in range(2):
             discovered(run, found_graph() if seed else None, oracle_table(), seed=seed, **place)
     gridded = {"method": {"name": "m", "learner": "SAC"}, "grid_point": {"learner.note": HOSTILE}}

@@ -113,7 +113,8 @@ def test_the_data_of_a_figure_is_a_link_away(read: Reader) -> None:
 
 def test_figures_and_leaderboards_lie_beside_it(written: Path) -> None:
     found = {path.name for path in (written.parent / "figures").iterdir()}
-    names = {f"{kind}-{backend}" for kind in ("seeds", "curves", "stages") for backend in ("kinematic", "physical")}
+    kinds = ("seeds", "curves", "stages", "transitions")
+    names = {f"{kind}-{backend}" for kind in kinds for backend in ("kinematic", "physical")}
     assert found == {f"{name}.{kind}" for name in names for kind in ("svg", "png")}
     assert (written.parent / "leaderboard.md").read_text().startswith("| backend | rank |")
     assert r"\begin{tabular}" in (written.parent / "leaderboard.tex").read_text()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import dataclasses
 from types import SimpleNamespace
 from typing import Any
 
@@ -12,7 +13,7 @@ import pytest
 import scipy.integrate
 
 from causalbench.report import stats
-from causalbench.report.html import causes, controls, curves, failures, flow, reversal, verdicts
+from causalbench.report.html import causes, controls, curves, failures, flow, reversal, transitions, verdicts
 from causalbench.report.html.parts import Download, Matrix, Table, Verdict
 from causalbench.report.html.source import Source
 
@@ -93,6 +94,33 @@ def test_points_that_latching_adds_stand_in_a_column_per_rule(source: Source) ->
     # Half of the episodes were beyond a third once and end below it.
     assert found["peak progress ≥ 0.33"] == "50.0"
     assert found["success once"] == "0.0"
+
+
+def test_the_share_of_reversals_that_vanish_stands_with_its_interval(source: Source) -> None:
+    blocks = reversal.section(source).blocks
+    (table,) = [block for block in blocks if getattr(block, "title", "").startswith("Reversals that vanish")]
+    assert [row.backend for row in table.rows] == ["physical", "physical"]
+    mean, episodes, reversals, repeated, redundant, causes_ = (value.text for value in table.rows[0].values[2:])
+    assert (mean, episodes, reversals, repeated) == ("mean", "20", "40", "40")  # five seeds of four episodes
+    assert redundant.startswith("60% (")
+    assert causes_ == "0% (0 to 0%)"
+
+
+def test_without_an_account_the_page_says_how_to_get_one(source: Source) -> None:
+    nothing = dataclasses.replace(source.tables, reversals=source.tables.reversals.iloc[:0])
+    blocks = reversal.section(dataclasses.replace(source, tables=nothing)).blocks
+    texts = [getattr(block, "text", "") for block in blocks]
+    assert any(text.endswith("causalbench reversals run") for text in texts)
+
+
+def test_ways_are_rates_of_all_steps_of_a_method(source: Source) -> None:
+    table = transitions.rates(source.tables.moves).query("backend == 'physical' and method == 'cm'")
+    rates = dict(zip(zip(table["from_stage"], table["to_stage"], strict=True), table["rate"], strict=True))
+    # Per seed 8 steps "1x2 2x2 1x1 2x3" and success, 6 steps "1x4 2x2" and back to stage 1.
+    expected = {(1, 2): 3, (2, 1): 2, (2, 4): 1}
+    assert rates == pytest.approx({way: 1000 * count / 14 for way, count in expected.items()})
+    (drawn,) = [found for found in transitions.multiples(source) if found.backend == "physical"]
+    assert drawn.alts[0].endswith("led from stage to stage: 1 to 2 214, 2 to 1 143, 2 to 4 71.")
 
 
 def test_the_matrix_takes_the_majority_and_says_who_differs(source: Source) -> None:
