@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from causalbench.cli.options import EXIT_FAILED, AsJson, BackendOptions, Jobs, named_values, print_json
+from causalbench.errors import UserError
 from causalbench.processes import cores
+
+if TYPE_CHECKING:
+    from causalbench.conformance.check import Result
 
 
 def backends() -> None:
@@ -20,23 +25,43 @@ def backends() -> None:
 
 
 def check(
-    backend: Annotated[str, typer.Argument(help="Registered name, such as kinematic.")],
+    backend: Annotated[str | None, typer.Argument(help="Registered name of a backend, such as kinematic.")] = None,
+    task: Annotated[str | None, typer.Option(help="Check this task instead of a backend.")] = None,
+    where: Annotated[str | None, typer.Option("--backend", help="Where to play it (default: the task's own).")] = None,
     option: BackendOptions = None,
     as_json: AsJson = False,
 ) -> None:
-    """Check a backend against the numbered contract of docs/conformance.md."""
+    """Check a backend, or a task, against its numbered contract (docs/conformance.md, docs/task_conformance.md)."""
     from causalbench.cli.terminal_tables import print_checks
-    from causalbench.conformance.suite import FAIL, run_checks
-    from causalbench.plugins.manager import installed
+    from causalbench.conformance.check import FAIL
 
-    results = run_checks(installed().backend(backend), named_values(option or (), "--option", "control_hz=20"))
+    subject, results = _checks(backend, task, where, named_values(option or (), "--option", "control_hz=20"))
     if as_json:
         rows = list(map(vars, results))
-        print_json({"backend": backend, "checks": rows})
+        print_json(subject | {"checks": rows})
     else:
-        rows = print_checks(backend, map(vars, results))
+        rows = print_checks(" in ".join(subject.values()), map(vars, results))
     if any(row["outcome"] == FAIL for row in rows):
         raise typer.Exit(EXIT_FAILED)
+
+
+def _checks(
+    backend: str | None, task: str | None, where: str | None, options: dict[str, Any]
+) -> tuple[dict[str, str], Iterator[Result]]:
+    """What is checked, by kind and name, and the results of it."""
+    from causalbench.conformance.suite import run_checks
+    from causalbench.conformance.task_suite import run_task_checks
+    from causalbench.plugins.manager import installed
+    from causalbench.plugins.venues import venue_of
+
+    plugins = installed()
+    if task is not None and backend is None:
+        chosen = plugins.task(task)
+        place = plugins.backend(where or venue_of(chosen).home)
+        return {"task": task, "backend": place.name}, run_task_checks(chosen, place, options)
+    if backend is None or task is not None or where is not None:
+        raise UserError("expected the name of a backend, or --task NAME and, where it is to be played, --backend NAME")
+    return {"backend": backend}, run_checks(plugins.backend(backend), options)
 
 
 def new_backend(

@@ -210,12 +210,12 @@ def print_backends(plugins: Plugins) -> None:
     _print(table)
 
 
-def print_checks(backend: str, results: Iterable[dict[str, Any]]) -> list[dict[str, Any]]:
+def print_checks(subject: str, results: Iterable[dict[str, Any]]) -> list[dict[str, Any]]:
     """One row per line of the contract, in colour, and a summary; the rows, for the caller."""
     colours = {"pass": "green", "fail": "red", "known gap": "yellow", "not applicable": "dim"}
-    table = Table("", "contract", "outcome", "message", title=f"Conformance of {backend}", title_justify="left")
+    table = Table("", "contract", "outcome", "message", title=f"Conformance of {subject}", title_justify="left")
     rows = []
-    with progress_console().status(f"checking {backend}"):
+    with progress_console().status(f"checking {subject}"):
         for row in results:
             rows.append(row)
             outcome = f"[{colours[row['outcome']]}]{row['outcome']}[/]"

@@ -73,6 +73,16 @@ class Bench:
         """The spec of the shared scene."""
         return self.scene.spec
 
+    @property
+    def offers(self) -> frozenset[str]:
+        """Actions and capabilities that the shared scene declares."""
+        return self.spec.capabilities | frozenset(self.spec.actions)
+
+    @property
+    def known_gaps(self) -> Mapping[str, str]:
+        """Lines that do not hold, as the backend registers them."""
+        return self.backend.known_gaps
+
     def close(self) -> None:
         """Close every scene made here."""
         for scene in self._scenes:

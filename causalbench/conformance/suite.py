@@ -1,14 +1,12 @@
-"""The table of checks, and the one function that runs them for both runners."""
+"""The contract of a backend: the table of checks of its scenes."""
 
 from __future__ import annotations
 
-import inspect
-import time
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from causalbench.conformance.bench import Bench
+from causalbench.conformance.check import Check, Result, run_check
 from causalbench.conformance.checks import (
     contact,
     copies,
@@ -24,48 +22,9 @@ from causalbench.conformance.checks import (
     spec,
 )
 from causalbench.core.world.capabilities import Capability
-from causalbench.core.world.scene import ARM_ACTIONS, SceneSpec
+from causalbench.core.world.scene import ARM_ACTIONS
 from causalbench.errors import UnknownNameError, UserError
 from causalbench.plugins.backends import NO_OPTIONS, Backend
-
-PASS, FAIL, GAP, NOT_APPLICABLE = "pass", "fail", "known gap", "not applicable"
-
-
-@dataclass(frozen=True)
-class Check:
-    """One numbered line of the contract. `needs`: actions and capabilities without which it does not apply."""
-
-    function: Callable[[Bench], None]
-    needs: tuple[str, ...] = ()
-
-    @property
-    def number(self) -> str:
-        """Such as "S7"."""
-        return self._line[0]
-
-    @property
-    def sentence(self) -> str:
-        """What must be true: the first paragraph of the function's docstring, without the number."""
-        return self._line[2]
-
-    @property
-    def test_name(self) -> str:
-        """Such as `test_s07_quaternions`; public, so never renamed."""
-        return f"test_{self.function.__name__}"
-
-    @property
-    def place(self) -> str:
-        """Where the whole text of the line and what is measured stand: file and line of the check."""
-        return f"{inspect.getsourcefile(self.function)}:{inspect.getsourcelines(self.function)[1]}"
-
-    @property
-    def _line(self) -> tuple[str, str, str]:
-        return (inspect.getdoc(self.function) or "").partition("\n\n")[0].replace("\n", " ").partition(". ")
-
-    def missing(self, spec: SceneSpec) -> list[str]:
-        """What a scene of `spec` lacks for this check to apply."""
-        return [name for name in self.needs if name not in spec.capabilities and name not in spec.actions]
-
 
 MOBILE = (Capability.MOBILE_BASE,)
 
@@ -127,18 +86,6 @@ CHECKS = (
 """The contract, in the order of its numbers."""
 
 
-@dataclass(frozen=True)
-class Result:
-    """What one check found. `message` says what is wrong, why it does not apply, or why it is a known gap."""
-
-    number: str
-    sentence: str
-    outcome: str
-    message: str
-    seconds: float
-    place: str  # file:line of the check
-
-
 def check_gaps(gaps: Mapping[str, str]) -> None:
     """Raise `UserError` when known gaps name a number that does not exist, or give no reason."""
     numbers = [check.number for check in CHECKS]
@@ -147,34 +94,6 @@ def check_gaps(gaps: Mapping[str, str]) -> None:
             raise UnknownNameError("number in known_gaps", number, numbers)
         if not reason.strip():
             raise UserError(f"known_gaps[{number!r}] gives no reason")
-
-
-def run_check(check: Check, bench: Bench) -> Result:
-    """Run one check; a known gap of the backend turns a failure into a gap, and anything else into a failure."""
-    started = time.perf_counter()
-    gap = bench.backend.known_gaps.get(check.number)
-    missing = check.missing(bench.spec)
-    if missing:
-        outcome, message = NOT_APPLICABLE, f"needs {', '.join(missing)}, which the spec does not declare"
-    else:
-        message = _failure(check, bench)
-        outcome = FAIL if message else PASS
-    if gap is not None:
-        if outcome == FAIL:
-            outcome, message = GAP, f"{gap} (now: {message})"
-        else:
-            outcome, message = FAIL, f"a known gap ({gap}), but the check says: {outcome}. Remove it from known_gaps"
-    return Result(check.number, check.sentence, outcome, message, time.perf_counter() - started, check.place)
-
-
-def _failure(check: Check, bench: Bench) -> str:
-    try:
-        check.function(bench)
-    except AssertionError as error:
-        return str(error) or "an assertion without a message failed in the plugin"
-    except Exception as error:  # a stranger's code may raise anything
-        return f"{type(error).__name__}: {error}"
-    return ""
 
 
 def run_checks(backend: Backend, options: Mapping[str, Any] = NO_OPTIONS) -> Iterator[Result]:

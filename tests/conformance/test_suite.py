@@ -10,7 +10,8 @@ import pytest
 from conformance.broken import BROKEN, INTACT, MOBILE_NUMBERS, FarWorkspace, Higher, WideWorkspace, backend
 
 from causalbench.conformance.bench import Bench
-from causalbench.conformance.suite import CHECKS, Result, run_check, run_checks
+from causalbench.conformance.check import Result, run_check
+from causalbench.conformance.suite import CHECKS, run_checks
 from causalbench.errors import UnknownNameError, UserError
 
 NUMBERS = [check.number for check in CHECKS]

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from causalbench.conformance.bench import Bench
-from causalbench.conformance.suite import CHECKS, FAIL, GAP, NOT_APPLICABLE, run_check
+from causalbench.conformance.check import FAIL, GAP, NOT_APPLICABLE, run_check
+from causalbench.conformance.suite import CHECKS
 from causalbench.core.kit import base_following as driving
 from causalbench.plugins.manager import installed
 

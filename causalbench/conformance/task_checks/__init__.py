@@ -1,0 +1,1 @@
+"""The checks of a task, one module per subject."""
