@@ -43,7 +43,7 @@ def collect(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
 
 
-@pytest.mark.parametrize("wanted", [("kinematic",), ("pybullet", "gymrob")])
+@pytest.mark.parametrize("wanted", [pytest.param(("kinematic",), marks=pytest.mark.long), ("pybullet", "gymrob")])
 def test_the_option_narrows_to_the_named_backends(wanted):
     shown = collect(*(f"--backend={name}" for name in wanted)).stdout
     assert {name for name in backend_option.names() if f"test_the_simulator_is_installed[{name}]" in shown} == {*wanted}

@@ -104,8 +104,8 @@ def test_a_policy_that_is_damaged_is_not_filmed(run: Path, call: Callable[..., t
     ("file", "damage", "cells"),
     [
         ("cells/*-mSAC-*/progress.csv", without_last_line, 1),
-        ("cells/*-mSAC-*/cell.json", emptied, 1),
-        ("discovery/*/oracle.csv", without_last_line, 1),
+        pytest.param("cells/*-mSAC-*/cell.json", emptied, 1, marks=pytest.mark.long),
+        pytest.param("discovery/*/oracle.csv", without_last_line, 1, marks=pytest.mark.long),
     ],
 )
 def test_a_damaged_cell_is_run_again_and_the_results_are_the_same(

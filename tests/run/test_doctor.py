@@ -91,6 +91,7 @@ def test_a_plugin_that_cannot_be_imported_and_a_broken_mujoco(
     assert any(line.startswith("ok    kinematic: simulates") for line in lines)
 
 
+@pytest.mark.long
 def test_a_mujoco_that_cannot_be_imported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "mujoco.py").write_text('raise ImportError("libmujoco.so.3: cannot open shared object file")\n')
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")]))
@@ -98,6 +99,7 @@ def test_a_mujoco_that_cannot_be_imported(tmp_path: Path, monkeypatch: pytest.Mo
     assert probe("pybullet", "simulates") == ""
 
 
+@pytest.mark.long
 def test_no_opengl_where_pictures_are_asked_for(
     use_plugins: Callable[..., None], cli: Callable, monkeypatch: pytest.MonkeyPatch
 ) -> None:

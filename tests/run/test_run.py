@@ -78,6 +78,7 @@ def test_a_tiny_suite_runs_on_a_simulator(
     assert graph not in {row["graph"] for row in rows(finished_run / "results.csv")}
 
 
+@pytest.mark.long
 def test_the_sac_family_runs_on_mobile_manipulation_by_naming_it(
     tiny_suite: Path, cli: Callable, tmp_path: Path
 ) -> None:
@@ -171,7 +172,7 @@ def test_a_second_command_runs_only_what_is_missing_or_failed(
     assert results(run) == results(finished_run)
 
 
-@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("how", [pytest.param(signal.SIGINT, marks=pytest.mark.long), signal.SIGTERM])
 def test_a_stop_writes_checkpoints_and_leaves_no_failed_cell_and_no_process(
     how: signal.Signals, tiny_suite: Path, command: list[str], tmp_path: Path
 ) -> None:

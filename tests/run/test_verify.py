@@ -49,6 +49,7 @@ def test_cells_that_are_run_again_agree_and_a_number_changed_by_hand_does_not(
     assert changed.startswith("the source code: 0123456789abcdef-0123456789abcdef, ")
 
 
+@pytest.mark.long
 def test_a_learner_alone_uses_the_graph_of_the_run_and_nothing_there_is_touched(
     finished_run: Path, command: list[str]
 ) -> None:

@@ -208,6 +208,7 @@ CHANGES = [
 """File, what is replaced by what, and what the program then prints: each change stays."""
 
 
+@pytest.mark.long
 def test_kept_code_is_compiled_anew_when_what_is_in_it_changes_elsewhere(tmp_path: Path) -> None:
     assert run_parts(tmp_path) == ("4.0 4.0 16.0 5.0\n", True)
     assert run_parts(tmp_path) == ("4.0 4.0 16.0 5.0\n", False)
