@@ -11,7 +11,7 @@ from types import ModuleType
 import pytest
 
 import causalbench
-from causalbench import backend, discoverer, learner, method, task
+from causalbench import backend, discoverer, learner, method, task, worlds
 
 ROOT = Path(__file__).parents[1]
 OPEN = re.compile(r"causalbench(\.backend|\.core\.kit(\.\w+)*|\.conformance\.testing)?")
@@ -23,7 +23,7 @@ PLACES = [
 ]
 
 
-FACADES = (causalbench, backend, discoverer, learner, method, task)
+FACADES = (causalbench, backend, discoverer, learner, method, task, worlds)
 
 
 @pytest.mark.parametrize("facade", FACADES, ids=lambda facade: facade.__name__)

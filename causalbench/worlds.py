@@ -1,0 +1,43 @@
+"""Worlds with a planted causal graph, for whoever has a method of causal discovery: `docs/how-to/planted_worlds.md`."""
+
+from __future__ import annotations
+
+from functools import partial
+
+from causalbench.core.discovery import pipeline
+from causalbench.core.discovery.graph import CausalGraph
+from causalbench.core.discovery.planted.examine import PlantedSamples, Ranking, effects, ranking, samples, score
+from causalbench.core.discovery.planted.kinds import KINDS, catalogue, planted
+from causalbench.core.discovery.planted.spec import VERSION, Part, PlantedTerm, PlantedWorld
+from causalbench.core.discovery.planted.worlds import PlantedWorlds, make_planted_worlds
+from causalbench.core.discovery.settings import DiscoverySettings
+from causalbench.plugins.manager import installed
+
+__all__ = [
+    "KINDS",
+    "Part",
+    "PlantedSamples",
+    "PlantedTerm",
+    "PlantedWorld",
+    "PlantedWorlds",
+    "Ranking",
+    "VERSION",
+    "catalogue",
+    "discover",
+    "effects",
+    "make_planted_worlds",
+    "planted",
+    "ranking",
+    "samples",
+    "score",
+]
+
+
+def discover(world: PlantedWorld, settings: DiscoverySettings, seed: int = 0) -> CausalGraph:
+    """The causal graph that a registered discoverer finds in `world`, by the way that every task goes.
+
+    Raises `UnknownNameError` for a discoverer that is not installed.
+    """
+    make = partial(make_planted_worlds, world)
+    known = installed().discoverers
+    return pipeline.discover(world.task, make, settings, seed, lambda share, doing: None, discoverers=known)
