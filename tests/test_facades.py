@@ -1,4 +1,4 @@
-"""What authors of backends import: the facade is whole, costs little, and is all that pages and examples use."""
+"""What authors of backends and tasks import: facades are whole, cost little, and are all that pages and examples use."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ import causalbench
 from causalbench import backend, discoverer, learner, method, task, worlds
 
 ROOT = Path(__file__).parents[1]
-OPEN = re.compile(r"causalbench(\.backend|\.core\.kit(\.\w+)*|\.conformance\.testing)?")
+OPEN = re.compile(r"causalbench(\.backend|\.task|\.core\.kit(\.\w+)*|\.conformance\.testing)?")
 PLACES = [
     *(ROOT / "examples" / "hinge_arm_backend").rglob("*.py"),
-    *(ROOT / "causalbench" / "scaffold" / "template").rglob("*.template"),
+    *(ROOT / "causalbench" / "scaffold" / "templates").rglob("*.template"),
     ROOT / "docs" / "plugins.md",
     ROOT / "docs" / "tutorial_backend.md",
 ]

@@ -1,4 +1,4 @@
-"""Commands about simulators: `backends`, `check`, `new-backend`, `doctor`."""
+"""Commands about simulators and tasks: `backends`, `check`, `new-backend`, `new-task`, `doctor`."""
 
 from __future__ import annotations
 
@@ -73,6 +73,19 @@ def new_backend(
 
     folder = write_backend(name, out)
     typer.echo(f"wrote {folder}; now: pip install -e {folder} && causalbench check {name}, then {folder}/README.md")
+
+
+def new_task(
+    name: Annotated[str, typer.Argument(help="Name to register, such as my_task.")],
+    out: Annotated[Path, typer.Option(help="Where the new folder NAME_task goes.")] = Path(),
+) -> None:
+    """Write a staged task over a Gymnasium environment that passes `check`, for you to put your own into."""
+    from causalbench.scaffold import write_task
+
+    folder = write_task(name, out)
+    typer.echo(
+        f"wrote {folder}; now: pip install -e {folder} && causalbench check --task {name}, then {folder}/README.md"
+    )
 
 
 def doctor(jobs: Jobs = None) -> None:

@@ -1,6 +1,6 @@
-"""`causalbench new-backend NAME`: a plugin over a toy world that passes `causalbench check`, to go on from.
+"""`causalbench new-backend NAME` and `new-task NAME`: plugins that pass `causalbench check`, to go on from.
 
-The files of `template/` are the plugin, with `$name` and the like to be filled in (`string.Template`).
+The files of `templates/` are the plugins, with `$name` and the like to be filled in (`string.Template`).
 """
 
 from __future__ import annotations
@@ -24,25 +24,36 @@ def write_backend(name: str, parent: Path) -> Path:
 
     Raises `UserError` for a name that is none, is taken or whose folder exists, and when the folder cannot be written.
     """
+    return _write("backend", name, parent, name in installed().backends)
+
+
+def write_task(name: str, parent: Path) -> Path:
+    """Write the plugin of a task `name` into the new folder `parent`/`name`_task, as `write_backend`."""
+    return _write("task", name, parent, name in installed().tasks)
+
+
+def _write(kind: str, name: str, parent: Path, taken: bool) -> Path:
     if not re.fullmatch(r"[a-z][a-z0-9]*(_[a-z0-9]+)*", name) or keyword.iskeyword(name):
         raise UserError(
-            f"backend name {name!r}: expected lower-case letters, digits and single underscores, beginning with a "
-            "letter, such as my_sim"
+            f"{kind} name {name!r}: expected lower-case letters, digits and single underscores, beginning with a "
+            f"letter, such as my_{'sim' if kind == 'backend' else kind}"
         )
     package = f"causalbench_{name}"
-    if name in installed().backends or importlib.util.find_spec(package) is not None:
-        raise UserError(f"backend {name!r} is already installed here; choose another name, or uninstall {package}")
-    folder = parent / f"{name}_backend"
+    if taken or importlib.util.find_spec(package) is not None:
+        raise UserError(f"{kind} {name!r} is already installed here; choose another name, or uninstall {package}")
+    folder = parent / f"{name}_{kind}"
     if folder.exists():
         raise UserError(f"{folder} already exists; remove it, or choose another --out")
+    camel = "".join(part.capitalize() for part in name.split("_"))
     words = {
         "name": name,
         "package": package,
         "distribution": package.replace("_", "-"),
-        "scene": "".join(part.capitalize() for part in name.split("_")) + "Scene",
+        "camel": camel,
+        "scene": f"{camel}Scene",
     }
     try:
-        _render(files(__name__) / "template", folder, words)
+        _render(files(__name__) / "templates" / kind, folder, words)
     except OSError as error:
         raise UserError(f"{folder}: cannot be written ({error.strerror}); choose another --out") from error
     return folder
