@@ -1,4 +1,4 @@
-"""What authors of backends and tasks import: facades are whole, cost little, and are all that pages and examples use."""
+"""What authors of backends and tasks import: facades are whole, cost little, and are all that examples use."""
 
 from __future__ import annotations
 
