@@ -33,6 +33,8 @@ DATA = "data"
 CHECKPOINT = "checkpoint.safetensors"
 """What an unfinished learner cell continues from."""
 LOG = "log.txt"
+POLICY = "policy"
+"""The folder of a finished learner's policy, which may be left out of what is published."""
 KINDS = {"learner": "cells", "discovery": "discovery"}
 """Kind of a cell -> the folder that such cells lie in."""
 NO_RESULTS = frozenset({CELL, STATUS, LOG, CHECKPOINT, DATA, REVERSALS, "figures", "tensorboard"})
@@ -187,10 +189,14 @@ class StoredCell:
         return read_effects(self.file("oracle.csv")) if "oracle.csv" in self.status.files else {}
 
     def policy_folder(self) -> Path:
-        """Where the policy of a finished learner lies. Raises `DamagedFileError` if it left none."""
-        if not any(name.startswith("policy/") for name in self.status.files):
+        """Where the policy of a finished learner lies. Raises `DamagedFileError` if it is not here."""
+        if not any(name.startswith(f"{POLICY}/") for name in self.status.files):
             raise DamagedFileError(f"{self.folder}: the cell, which is {self.status.state}, has no policy")
-        return self.folder / "policy"
+        if not is_folder(self.folder / POLICY):
+            raise DamagedFileError(
+                f"{self.folder}: published without its policy; to have it, run the cell again elsewhere"
+            )
+        return self.folder / POLICY
 
 
 def read_cell(folder: Path) -> StoredCell:
@@ -235,7 +241,9 @@ def _read_status(folder: Path, kind: str) -> Status:
 def _check_results(folder: Path, kind: str, status: Status) -> None:
     if missing := sorted(RESULTS[kind] - status.files.keys()):
         raise DamagedFileError(f"{folder / STATUS}: no SHA-256 of {', '.join(missing)}")
-    check_digests(folder, status.files)
+    left_out = POLICY not in {path.name for path in folder.iterdir()}
+    here = {name: found for name, found in status.files.items() if not (left_out and name.startswith(f"{POLICY}/"))}
+    check_digests(folder, here)
 
 
 def result_digests(folder: Path) -> dict[str, str]:

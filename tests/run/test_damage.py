@@ -93,6 +93,20 @@ def test_commands_that_only_read_say_what_is_damaged_and_go_on(
             assert path.name in text
 
 
+def test_what_is_published_without_policies_counts_as_before(
+    finished_run: Path, run: Path, call: Callable[..., tuple[Any, str]]
+) -> None:
+    for folder in [*run.glob("cells/*/policy"), *run.glob("discovery/*/data")]:
+        shutil.rmtree(folder)
+    assert rerun(call) == 0
+    left = results(run)
+    assert left == {name: content for name, content in results(finished_run).items() if name in left}
+    assert (run / "results.csv").read_bytes() == (finished_run / "results.csv").read_bytes()
+    code, text = call("play")
+    assert "published without its policy" in code
+    assert text == ""
+
+
 def test_a_policy_that_is_damaged_is_not_filmed(run: Path, call: Callable[..., tuple[Any, str]]) -> None:
     cut(next(run.glob("cells/*-cmSAC-*/policy/policy.safetensors")))
     code, text = call("play", "--only", "method=cmSAC")
