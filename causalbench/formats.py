@@ -15,7 +15,7 @@ CELL: Final = 3
 """The folder of a cell: `cell.json`, `status.json`, `progress.csv`, `episodes.csv`, `counts.json`."""
 GRAPH: Final = 4
 """A causal graph, `graph.json`."""
-CHECKPOINT: Final = 3
+CHECKPOINT: Final = 4
 """What an interrupted training run continues from."""
 POLICY: Final = 4
 """A trained policy, `policy.json` and `policy.safetensors`."""

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from causalbench.core.learners.causal_gradient import StagePlan as StagePlan
     from causalbench.core.learners.causal_gradient import stage_plan as stage_plan
     from causalbench.core.learners.counting import Counter as Counter
-    from causalbench.core.learners.evaluation import evaluate as evaluate
     from causalbench.core.learners.examiner import Examiner as Examiner
     from causalbench.core.learners.learner import StagedLearner as StagedLearner
     from causalbench.core.learners.policy import ObservationScale as ObservationScale
@@ -33,7 +32,6 @@ _WITH_TORCH = {
     "StagePlan": "causal_gradient",
     "StagedLearner": "learner",
     "StagedPolicy": "policy",
-    "evaluate": "evaluation",
     "stage_plan": "causal_gradient",
     "train_staged": "training",
 }
@@ -56,7 +54,6 @@ __all__ = [
     "TrainingCounts",
     "TrainingProblem",
     "UserError",
-    "evaluate",
     "hookimpl",
     "stage_plan",
     "train_staged",

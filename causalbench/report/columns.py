@@ -49,13 +49,20 @@ COLUMNS: dict[str, Column] = {
     "stopped_at": _count("environment steps", "Where training ended before its budget (`stop_after`); empty if not."),
     "discovery_env_steps": _count("environment steps", "What the method's causal graph cost; 0 without one."),
     # Evaluation
-    "episodes": _count("episodes", "Episodes of each kind, deterministic and sampled, in the evaluation."),
+    "episodes": _count("episodes", "Deterministic episodes in the evaluation; a cell's last one has as many sampled."),
     "success_deterministic": _number("", "Share of episodes from stage 1 that the policy's mean action solves."),
-    "success_sampled": _number("", "The same with actions drawn from the policy."),
+    "success_sampled": _number(
+        "",
+        "The same with actions drawn from the policy: in the last evaluation, which results and the leaderboard have, "
+        "over as many episodes on the same starts; before it, over the training episodes that ended since the "
+        "evaluation before, while the policy learned; empty if none ended.",
+    ),
     "success_low": _number("", "Lower end of the 95% Wilson interval of `success_deterministic`."),
     "success_high": _number("", "Upper end of that interval."),
     "best_success": _number("", "The highest `success_deterministic` of any evaluation."),
-    "held_rate": _number("", "Share of successes that stood the task's own test (lift and hold); empty without any."),
+    "held_rate": _number(
+        "", "Share of the evaluation's successes that stood the task's own test (lift and hold); empty without."
+    ),
     "success_auc": _number(
         "", "Area under the curve of `success_deterministic` over `env_steps`, as a share of the budget."
     ),

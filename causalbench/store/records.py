@@ -61,7 +61,7 @@ def _evaluation(row: dict[str, str]) -> Evaluation:
     returns = {key.removeprefix(RETURN): float(value) for key, value in row.items() if key.startswith(RETURN)}
     plain: dict[str, Any] = {key: float(value) for key, value in row.items() if not key.startswith(RETURN) and value}
     counts = {key: int(row[key]) for key in ("env_steps", "episodes")}
-    return Evaluation(**({"held_rate": None} | plain | counts), term_returns=returns)
+    return Evaluation(**({"held_rate": None, "success_sampled": None} | plain | counts), term_returns=returns)
 
 
 def read_effects(path: Path) -> dict[tuple[int, str, str], dict[str, str]]:

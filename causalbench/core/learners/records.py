@@ -29,6 +29,11 @@ class Episode:
     final_stage: int
     returns: Mapping[str, float]
 
+    @classmethod
+    def from_record(cls, record: Mapping[str, Any]) -> Episode:
+        """The episode of which `record` is what `dataclasses.asdict` made, also after a way through JSON."""
+        return cls(**{**record, "stages": tuple(record["stages"])})
+
     @property
     def length(self) -> int:
         """Steps."""
@@ -46,7 +51,9 @@ class Evaluation:
 
     Success is a share in [0, 1]; `reversals_per_episode`, `mean_final_stage` (success counts as n_stages + 1) and
     `term_returns` (mean undiscounted return of each reward term per episode) are of the deterministic episodes.
-    `held_rate` is the share of all successes, deterministic and sampled, that stood what the task puts a success to
+    `success_sampled` is that of the training episodes which ended since the evaluation before, None if none did; in the
+    last evaluation of a training run it is that of `episodes` more episodes with actions drawn from the policy.
+    `held_rate` is the share of all successes played here that stood what the task puts a success to
     (`Task.after_success`: pure manipulation lifts the box and holds it for 2 s); None if there were none. `played`
     are the episodes themselves; those of the last evaluation of a training run are kept, all others are forgotten.
     """
@@ -54,7 +61,7 @@ class Evaluation:
     env_steps: int
     episodes: int
     success_deterministic: float
-    success_sampled: float
+    success_sampled: float | None
     held_rate: float | None
     reversals_per_episode: float
     mean_final_stage: float
@@ -65,8 +72,7 @@ class Evaluation:
     @classmethod
     def from_record(cls, record: Mapping[str, Any]) -> Evaluation:
         """The evaluation of which `record` is what `dataclasses.asdict` made, also after a way through JSON."""
-        played = (Episode(**one | {"stages": tuple(one["stages"])}) for one in record["played"])
-        return cls(**{**record, "played": tuple(played)})
+        return cls(**{**record, "played": tuple(map(Episode.from_record, record["played"]))})
 
 
 @dataclass

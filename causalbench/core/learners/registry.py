@@ -25,9 +25,8 @@ from causalbench.errors import UserError
 if TYPE_CHECKING:  # importing the built-in plugins loads this table, which thus must need neither torch nor Gymnasium
     from causalbench.core.discovery.graph import CausalGraph
     from causalbench.core.learners.checkpoint import Checkpoints
-    from causalbench.core.staged.env import StageTaskEnv
     from causalbench.core.staged.vector_env import StageTaskVectorEnv
-    from causalbench.core.staged.worlds import MakeWorlds
+    from causalbench.core.staged.worlds import MakeWorlds, Worlds
     from causalbench.core.tasks.stage_task import StageTask
 
 OnEvaluation = Callable[[Evaluation, TrainingCounts], None]
@@ -80,14 +79,14 @@ class TrainingProblem:
     on_progress: OnProgress
     checkpoints: Checkpoints | None = None
 
-    def env(self) -> StageTaskEnv:
-        """One new environment of the task; it observes what its settings say: the keys of `OBSERVED`."""
-        from causalbench.core.staged.env import StageTaskEnv
-
-        return StageTaskEnv(self.make_worlds(), None, *self._observed())
+    def worlds(self, n: int) -> Worlds:
+        """`n` new worlds of the task, shape (n,); they observe what the settings say: the keys of `OBSERVED`."""
+        worlds = self.make_worlds(n)
+        worlds.choose_observation(*self._observed())
+        return worlds
 
     def vector_env(self, n: int) -> StageTaskVectorEnv:
-        """`n` new worlds of the task that step together; they observe as those of `env`."""
+        """A vector environment of `n` new worlds; they observe as those of `worlds`."""
         from causalbench.core.staged.vector_env import StageTaskVectorEnv
 
         return StageTaskVectorEnv(self.make_worlds(n), *self._observed())

@@ -50,8 +50,8 @@ class EvaluationSettings:
     """
 
     every: Annotated[int, Gt(0)] = 2_000  # env steps between evaluations
-    episodes: Annotated[int, Gt(0)] = 20  # per evaluation, deterministic and sampled each
-    final_episodes: Annotated[int, Gt(0)] = 50  # after the last step
+    episodes: Annotated[int, Gt(0)] = 20  # per evaluation, deterministic
+    final_episodes: Annotated[int, Gt(0)] = 50  # after the last step, deterministic and sampled each
     stop_after: Annotated[int, Ge(0)] = 0  # evaluations in a row without a failure that end training; 0: none do
     first_start: Annotated[int, Ge(0)] = FIRST_START  # searches and tuning take others than what is reported
 

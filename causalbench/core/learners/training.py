@@ -19,7 +19,6 @@ from causalbench.core.learners.examiner import Examiner
 from causalbench.core.learners.learner import StagedLearner
 from causalbench.core.learners.methods import Method
 from causalbench.core.learners.policy import ObservationScale
-from causalbench.core.learners.records import Evaluation
 from causalbench.core.learners.registry import Trained, TrainingProblem
 from causalbench.core.learners.scalars import FirstEntry
 from causalbench.core.networks.state import State, below, prefixed
@@ -126,9 +125,9 @@ class _StagedLoop:
             self.first_entry.reached = np.asarray(state["reached"])
         self.saved = self.taken
         LOG.info("continued from the checkpoint at step %d", self.taken)
-        for record in state["evaluations"]:
-            self.examiner.evaluations.append(Evaluation.from_record(record))
-            self.problem.on_evaluation(self.examiner.evaluations[-1], self.counter.counts)
+        self.examiner.load_state(below("examiner", state))
+        for evaluation in self.examiner.evaluations:
+            self.problem.on_evaluation(evaluation, self.counter.counts)
 
     def _keep(self, checkpoints: Checkpoints, before: int) -> None:
         """Keep a checkpoint if it is due. Raises `StoppedError` after one if that was asked for."""
@@ -143,7 +142,7 @@ class _StagedLoop:
         state |= prefixed("counter", self.counter.state())
         if self.first_entry:
             state["reached"] = self.first_entry.reached
-        state["evaluations"] = [dataclasses.asdict(record) for record in self.examiner.evaluations]
+        state |= prefixed("examiner", self.examiner.state())
         save_checkpoint(checkpoints.path, state, self._identity())
         self.saved = self.taken
 

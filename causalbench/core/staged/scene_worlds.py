@@ -29,6 +29,7 @@ def make_scene_worlds(task: Task, make_scene: Callable[[], Scene], n: int | None
     check_count(n)
     worlds = SceneWorlds(task, make_scene() if n is None else make_batch(make_scene, n))
     worlds.recipe = functools.partial(make_scene_worlds, task, make_scene, n)
+    worlds.alone = functools.partial(make_scene_worlds, task, make_scene)
     return worlds
 
 
@@ -47,6 +48,9 @@ class SceneWorlds(Worlds):
 
     facts: Facts
 
+    alone: Callable[[], SceneWorlds] | None = None
+    """Makes one world like each of these; `make_scene_worlds` sets it."""
+
     def __init__(self, task: Task, scene: Scene | BatchScene) -> None:
         self.task: Task = task
         self.scene, self.spec = scene, scene.spec
@@ -54,6 +58,7 @@ class SceneWorlds(Worlds):
         self._all_columns = self._columns.tolist() == list(range(len(scene.spec.actions)))
         self._batch = scene if isinstance(scene, BatchScene) else SceneList([scene])
         self.shape = (scene.n,) if isinstance(scene, BatchScene) else ()
+        self.steps_as_one = not isinstance(self._batch, SceneList)
         self.origin = origin_of(scene.spec)
         self.identity = dataclasses.asdict(scene.spec) | {"capabilities": sorted(scene.spec.capabilities)}
         self.capabilities = scene.spec.capabilities | EVERY_SCENE
@@ -141,10 +146,18 @@ class SceneWorlds(Worlds):
         if self.task.after_success is None:
             return None
         if not isinstance(self._batch, SceneList):
-            raise UserError(f"a success in one of {self.n} worlds that only step together cannot be tested")
+            return self._copied(world).after_success(0)
         stood = self.task.after_success(self._batch.scenes[world])
         self._read()
         return stood
+
+    def _copied(self, world: int) -> SceneWorlds:
+        """One world in the state of `world`. Raises `UserError` where nothing says how to make one."""
+        if self.alone is None:
+            raise UserError(f"a success in one of {self.n} worlds that only step together cannot be tested")
+        copied = self.alone()
+        copied.restore([0], [self.snapshot(world)])
+        return copied
 
     def render(self, width: int, height: int) -> NDArray[np.uint8]:
         """See `Worlds`."""

@@ -70,6 +70,9 @@ class Worlds(ABC):
     stage: NDArray[np.int64]
     env_steps: int = 0
 
+    steps_as_one: bool = False
+    """Whether several such worlds are stepped as one, so that many take hardly more time than one."""
+
     recipe: Callable[[], Worlds] | None = None
     """Makes other worlds like these, not reset yet; every `MakeWorlds` sets it."""
 

@@ -15,6 +15,7 @@ from safetensors.numpy import save_file
 from training import METHOD, train
 
 import causalbench
+from causalbench import formats
 from causalbench.core.discovery.graph import manual_graph
 from causalbench.core.kinematic.scenes import WorldsScene
 from causalbench.core.kinematic.worlds import KinematicWorlds
@@ -155,7 +156,7 @@ class _Newer(_Standing):
         (lambda path, data: save_file({"a": np.zeros(1)}, path), "not a checkpoint of causalbench, or damaged"),
         (
             lambda path, data: save_file({}, path, {"causalbench": json.dumps({"schema": 0, "identity": {}})}),
-            "schema 0, expected 3",
+            f"schema 0, expected {formats.CHECKPOINT}",
         ),
     ],
     ids=["torn", "pickle", "empty", "another program's", "older"],

@@ -56,7 +56,7 @@ def test_they_stand_behind_the_scaled_state_as_they_are(name: str) -> None:
     obs, _ = env.reset(seed=1)
     inputs = ObservationScale.of(env.single_observation_space, PURE, settings.observation)(obs)
     bare = ObservationScale.of(
-        problem.env().observation_space, dataclasses.replace(PURE, features=None, feature_names=())
+        problem.worlds(1).observation_space, dataclasses.replace(PURE, features=None, feature_names=())
     )
     assert torch.equal(inputs[:, :16], bare(obs))
     np.testing.assert_array_equal(inputs[:, 16:].numpy(), PURE.features_of(obs["state"]))

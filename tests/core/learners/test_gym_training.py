@@ -17,7 +17,7 @@ from causalbench.core.discovery.graph import CausalGraph, manual_graph
 from causalbench.core.discovery.pipeline import discover
 from causalbench.core.discovery.truth.oracle import consult_oracle, oracle_graph
 from causalbench.core.learners.checkpoint import Checkpoints
-from causalbench.core.learners.evaluation import evaluate
+from causalbench.core.learners.evaluation import Player, summary
 from causalbench.core.learners.policy import ObservationScale, load_policy
 from causalbench.core.learners.ppo.settings import PPOSettings
 from causalbench.core.learners.ppo.staged import StagedPPO
@@ -26,7 +26,6 @@ from causalbench.core.learners.sac.settings import SACSettings
 from causalbench.core.learners.sac.staged import StagedSAC
 from causalbench.core.learners.settings import EvaluationSettings
 from causalbench.core.learners.training_graph import training_graph
-from causalbench.core.staged.env import StageTaskEnv
 from causalbench.core.staged.restricted_expert import solved_starts
 from causalbench.core.staged.vector_env import StageTaskVectorEnv
 from causalbench.core.tasks.gym_task import GymTask
@@ -135,22 +134,23 @@ class Driver:
     """The expert's rule, from what an agent observes."""
 
     def predict(self, obs: dict[str, Any], *state: Any, deterministic: bool = True) -> tuple[Any, None]:
-        return np.array([1.0 if obs["state"][1] >= 0 else -1.0, 0.0], np.float32), None
+        push = np.where(obs["state"][..., 1] >= 0, 1.0, -1.0)
+        return np.stack([push, np.zeros_like(push)], -1).astype(np.float32), None
 
     def save(self, folder: Path) -> None:
         """There is nothing to save."""
 
 
 def test_an_evaluation_counts_success_and_an_end_without_it_and_nothing_is_held() -> None:
-    solved = evaluate(Driver(), StageTaskEnv(maker(CAR)()), 2, 0)
+    solved = summary(0, Player(maker(CAR)(2), 0).play(Driver(), range(3), True), (), None)
     assert (solved.success_deterministic, solved.mean_final_stage, solved.held_rate) == (1.0, 3.0, None)
-    fallen = evaluate(Leftward(), StageTaskEnv(maker(LINE)()), 2, 0)
+    fallen = summary(0, Player(maker(LINE)(2), 0).play(Leftward(), range(3), True), (), None)
     assert (fallen.success_deterministic, fallen.mean_final_stage, fallen.mean_length) == (0.0, 1.0, 1.0)
 
 
 class Leftward(Driver):
     def predict(self, obs: dict[str, Any], *state: Any, deterministic: bool = True) -> tuple[Any, None]:
-        return np.array([-1.0, 0.0], np.float32), None
+        return np.tile(np.array([-1.0, 0.0], np.float32), (len(obs["state"]), 1)), None
 
 
 def found_by(name: str, task: GymTask, **own: Any) -> CausalGraph:

@@ -60,7 +60,7 @@ def test_environments_of_a_problem_observe_what_its_settings_say(settings: objec
     problem = TrainingProblem(
         TASK, worlds_of(TASK, make), METHOD["mSAC"], None, settings, EvaluationSettings(), 10, 0, nothing, nothing
     )  # fmt: skip
-    one, many = problem.env(), problem.vector_env(3)
+    one, many = problem.worlds(1), problem.vector_env(3)
     assert ("gripper" in one.observation_space.spaces) == ("features" in one.observation_space.spaces) == gripper
     assert many.single_observation_space == one.observation_space
     assert many.num_envs == 3

@@ -11,10 +11,13 @@ import numpy as np
 import pytest
 
 from causalbench.core.discovery.graph import manual_graph
-from causalbench.core.learners.evaluation import evaluate
+from causalbench.core.learners.evaluation import Player
 from causalbench.core.learners.reversal_causes import reversal_causes
 from causalbench.core.staged.env import StageTaskEnv
+from causalbench.core.staged.scene_worlds import make_scene_worlds
+from causalbench.core.staged.worlds import Worlds
 from causalbench.core.tasks.pure_manipulation import TASK
+from causalbench.core.world.scene import Scene
 from causalbench.errors import UserError
 
 Make = Callable[..., StageTaskEnv]
@@ -25,16 +28,15 @@ CAUSES = np.array([[name in stage.causal_actions() for name in TASK.actions] for
 class Spoiler:
     """The scripted expert, that in `stage` does one other thing instead: `action` at `value`."""
 
-    env: StageTaskEnv
+    worlds: Worlds
     stage: int
     action: str
     value: float
 
     def predict(self, obs: Any, deterministic: bool = True) -> Any:
-        chosen = self.env.worlds.expert()
-        if int(self.env.worlds.stage) == self.stage:
-            chosen[:] = 0.0
-            chosen[TASK.actions.index(self.action)] = self.value
+        chosen = self.worlds.expert()
+        other = self.value * np.eye(len(TASK.actions))[TASK.actions.index(self.action)]
+        chosen[self.worlds.stage == self.stage] = other
         return chosen.astype(np.float32), None
 
 
@@ -50,7 +52,7 @@ class Spoiler:
 )
 def test_a_fall_is_laid_to_what_did_it(make_pure: Make, stage: int, action: str, value: float, whose: str) -> None:
     env = make_pure()
-    rows = list(reversal_causes(Spoiler(env, stage, action, value), env, CAUSES, 0, 5, True))
+    rows = list(reversal_causes(Spoiler(env.worlds, stage, action, value), env, CAUSES, 0, 5, True))
     (row,) = [row for row in rows if row.stage == stage]
     assert (row.reversals > 0) == bool(whose)
     assert row.reversals_repeated == row.reversals
@@ -61,11 +63,11 @@ def test_a_fall_is_laid_to_what_did_it(make_pure: Make, stage: int, action: str,
 
 
 @pytest.mark.parametrize("backend", backend_option.quick(backend_option.names()))
-def test_taking_steps_again_leaves_the_episode_as_it_was(make_pure: Make) -> None:
+def test_taking_steps_again_leaves_the_episode_as_it_was(make_pure: Make, make_scene: Callable[[], Scene]) -> None:
     env = make_pure()
-    policy = Spoiler(env, 3, "armz", 1.0)
-    (played, _) = evaluate(policy, env, 1, 0, first_start=5).played
-    rows = list(reversal_causes(policy, env, CAUSES, 0, 5, True))
+    worlds = make_scene_worlds(TASK, make_scene, 1)
+    (played,) = Player(worlds, 5).play(Spoiler(worlds, 3, "armz", 1.0), [0], True)
+    rows = list(reversal_causes(Spoiler(env.worlds, 3, "armz", 1.0), env, CAUSES, 0, 5, True))
     assert played.reversals == sum(row.reversals for row in rows) == sum(row.reversals_repeated for row in rows) > 0
     assert {row.stage: row.steps_in_stage for row in rows} == {
         stage: played.stages.count(stage) for stage in sorted(set(played.stages))
@@ -77,4 +79,4 @@ def test_worlds_that_do_not_restore_exactly_are_refused(make_pure: Make) -> None
     env = make_pure()
     env.worlds.capabilities = frozenset()
     with pytest.raises(UserError, match="exact_restore"):
-        next(reversal_causes(Spoiler(env, 2, "armx", 1.0), env, CAUSES, 0, 5, True))
+        next(reversal_causes(Spoiler(env.worlds, 2, "armx", 1.0), env, CAUSES, 0, 5, True))

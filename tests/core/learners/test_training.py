@@ -16,7 +16,7 @@ from training import METHOD, train
 from causalbench.core.discovery.graph import manual_graph
 from causalbench.core.kinematic import make
 from causalbench.core.learners.counting import Counter
-from causalbench.core.learners.evaluation import evaluate
+from causalbench.core.learners.evaluation import Player, summary
 from causalbench.core.learners.methods import PAPER
 from causalbench.core.learners.policy import ObservationScale, StagedPolicy, load_policy
 from causalbench.core.learners.ppo.settings import PPOSettings
@@ -25,7 +25,7 @@ from causalbench.core.learners.sac.settings import SACSettings
 from causalbench.core.learners.sac.staged import StagedSAC
 from causalbench.core.learners.settings import EvaluationSettings
 from causalbench.core.staged.env import StageTaskEnv
-from causalbench.core.staged.scene_worlds import SceneWorlds
+from causalbench.core.staged.scene_worlds import SceneWorlds, make_scene_worlds
 from causalbench.core.staged.vector_env import StageTaskVectorEnv
 from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench.core.tasks.pure_manipulation_data import C
@@ -247,16 +247,19 @@ def test_counter_tells_long_reversals_from_chatter():
 class _Expert(StagedPolicy):
     """The scripted expert behind the policy interface."""
 
-    def __init__(self, env):
-        self.env = env
+    def __init__(self, worlds):
+        self.worlds = worlds
 
     def predict(self, observation, state=None, episode_start=None, deterministic=True):
-        return self.env.worlds.expert().astype(np.float32), state
+        return self.worlds.expert().astype(np.float32), state
 
 
-def test_evaluation_of_the_expert_is_perfect(make_pure):
-    env = make_pure()
-    found = evaluate(_Expert(env), env, episodes=5, env_steps=7)
+@pytest.mark.parametrize("n", [1, 3, 8])
+def test_evaluation_of_the_expert_is_perfect_however_many_worlds_it_has(make_scene, n):
+    worlds, one = (make_scene_worlds(TASK, make_scene, number) for number in (n, 1))
+    played = [Player(worlds, 50).play(_Expert(worlds), range(5), deterministic) for deterministic in (True, False)]
+    found = summary(7, *played, 1.0)
+    assert played[0] == Player(one, 50).play(_Expert(one), range(5), True)
     assert (found.env_steps, found.success_deterministic, found.success_sampled, found.held_rate) == (7, 1.0, 1.0, 1.0)
     assert found.mean_final_stage == 5.0
     assert found.term_returns["r_gripper"] == 5.0
@@ -267,12 +270,12 @@ class _Idle(_Expert):
     """Does nothing, and so never succeeds."""
 
     def predict(self, observation, state=None, episode_start=None, deterministic=True):
-        return np.zeros(7, dtype=np.float32), state
+        return np.zeros((self.worlds.n, 7), dtype=np.float32), state
 
 
 def test_without_success_there_is_no_held_rate():
-    env = StageTaskEnv(SceneWorlds(TASK, make()))
-    found = evaluate(_Idle(env), env, episodes=2, env_steps=0)
+    worlds = make_scene_worlds(TASK, make, 1)
+    found = summary(0, Player(worlds, 0).play(_Idle(worlds), range(2), True), (), None)
     assert (found.success_deterministic, found.held_rate, found.mean_final_stage) == (0.0, None, 1.0)
     assert found.mean_length == TASK.horizon
 
