@@ -13,11 +13,12 @@ from causalbench.core.learners.registry import LEARNERS, Learner
 from causalbench.core.tasks.mobile_manipulation import TASK as MOBILE_MANIPULATION
 from causalbench.core.tasks.pure_manipulation import TASK as PURE_MANIPULATION
 from causalbench.core.tasks.pure_manipulation_dense import TASK as PURE_MANIPULATION_DENSE
+from causalbench.core.tasks.stack import TASK as STACK
 from causalbench.core.tasks.stage_task import StageTask
 from causalbench.plugins.backends import Backend, Variant
 from causalbench.plugins.hookspecs import hookimpl
 
-TASKS = (PURE_MANIPULATION, MOBILE_MANIPULATION, PURE_MANIPULATION_DENSE)
+TASKS = (PURE_MANIPULATION, MOBILE_MANIPULATION, PURE_MANIPULATION_DENSE, STACK)
 
 
 @hookimpl
@@ -39,7 +40,7 @@ def causalbench_backends(register: Callable[[Backend], None]) -> None:
 
 @hookimpl
 def causalbench_tasks(register: Callable[[StageTask], None]) -> None:
-    """The paper's tasks, and one with a slope where the paper's reward is sparse."""
+    """The paper's tasks, one with a slope where the paper's reward is sparse, and one of two boxes."""
     for task in TASKS:
         register(task)
 

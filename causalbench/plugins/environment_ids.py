@@ -16,6 +16,7 @@ OWN = {
     "causalbench/PureManipulation-v0": "pure_manipulation",
     "causalbench/PureManipulationDense-v0": "pure_manipulation_dense",
     "causalbench/MobileManipulation-v1": "mobile_manipulation",
+    "causalbench/Stack-v0": "stack",
 }
 """The same of causalbench's own tasks."""
 

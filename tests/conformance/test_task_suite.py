@@ -61,7 +61,7 @@ def test_the_examples_fail_nothing(task: StageTask, left_out: frozenset[str]) ->
     assert failed(results(task, [check for check in TASK_CHECKS if check.number not in left_out])) == {}
 
 
-@pytest.mark.parametrize("name", ["pure_manipulation", "pure_manipulation_dense", "mobile_manipulation"])
+@pytest.mark.parametrize("name", ["pure_manipulation", "pure_manipulation_dense", "mobile_manipulation", "stack"])
 def test_tasks_that_come_along_fail_nothing(name: str) -> None:
     checks = [check for check in TASK_CHECKS if check.number not in IN_NEW_PROCESSES]
     assert failed(results(installed().task(name), checks)) == {}

@@ -243,6 +243,11 @@ def _rewards(
 
 def potential(state: Array, stage: NDArray[np.int64]) -> Array:
     """See `StageTask.potential`: the hand's distances and tilt, each in its stage, at the scales of the terms."""
+    return staged_potential(stage, *ways(state), SCALES.stage_bonus)
+
+
+def ways(state: Array) -> tuple[list[Array], list[float]]:
+    """By stage, what its terms would still pay until its end, of states (..., n), and what they pay at most."""
     x, y, z = (state[..., axis] - state[..., 3 + axis] for axis in range(3))
     away = np.abs(x) + np.abs(y) + np.abs(z + C.hover)
     askew = np.arccos(np.clip(2.0 * (state[..., 8] ** 2 + state[..., 9] ** 2) - 1.0, -1.0, 1.0))
@@ -250,7 +255,7 @@ def potential(state: Array, stage: NDArray[np.int64]) -> Array:
     left = [SCALES.distance * away, SCALES.angle * askew, SCALES.distance * above, np.zeros_like(above)]
     highest = C.hover + C.tolerance_hover
     most = [SCALES.distance * C.farthest, SCALES.angle * math.pi, SCALES.distance * highest, 0.0]
-    return staged_potential(stage, left, most, SCALES.stage_bonus)
+    return left, most
 
 
 def expert(facts: Facts, spec: SceneSpec, layout: Layout | Sequence[Layout] | None = None) -> Array:

@@ -12,8 +12,11 @@ JUDGES = {
     "causalbench/core/staged/scene_worlds.py",
     "causalbench/core/staged/gym_world.py",
     "causalbench/core/tasks/pure_manipulation_dense.py",
+    "causalbench/conformance/task_checks/repeat.py",
+    "causalbench/conformance/task_checks/rewards.py",
+    "causalbench/conformance/task_checks/success.py",
 }
-"""Where `Worlds._step` is implemented, and a task that is another one with a further term.
+"""Where `Worlds._step` is implemented, a task that is another one with a further term, and what checks the functions.
 
 A task's own module calls its own functions, never those of a `task`.
 """

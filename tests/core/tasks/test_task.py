@@ -16,6 +16,7 @@ from causalbench.core.tasks import (
     pure_manipulation_dense,
     reward_scales,
     rooms,
+    stack,
 )
 from causalbench.core.tasks.stage_task import Term
 from causalbench.errors import UserError
@@ -24,6 +25,7 @@ from causalbench.plugins.builtins import TASKS
 MODULES = {
     "pure_manipulation": (pure_manipulation, lift_and_hold, reward_scales),
     "pure_manipulation_dense": (pure_manipulation_dense, pure_manipulation, lift_and_hold, reward_scales),
+    "stack": (stack, pure_manipulation, reward_scales),
     "mobile_manipulation": (mobile_manipulation, rooms, reward_scales),
 }
 PLAIN = {0.0, 1.0, 2.0, 1e-9}
