@@ -1,9 +1,10 @@
-"""Commands that read run folders: `leaderboard`, `report`, `play`, `reversals`, `verify`."""
+"""Commands that read run folders: `leaderboard`, `report`, `play`, `reversals`, `transfer`, `verify`."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -11,6 +12,9 @@ from causalbench.cli.execution import use_one_thread_each
 from causalbench.cli.options import EXIT_FAILED, AsJson, Jobs, Only, print_json
 from causalbench.cli.visible import visible
 from causalbench.processes import cores
+
+if TYPE_CHECKING:
+    from causalbench.store.run_folder import RunFolder
 
 
 def leaderboard(
@@ -70,14 +74,31 @@ def reversals(
     ] = 20,
 ) -> None:
     """Take every step that fell back again without some actions: reversals.csv, which `report` then shows."""
+    from causalbench.run.reversals import account_for_reversals
+
+    _say(run, lambda folder: account_for_reversals(folder, only or (), episodes))
+
+
+def transfer(
+    run: Annotated[Path, typer.Argument(help="Run folder.")],
+    only: Only = None,
+    episodes: Annotated[int, typer.Option(min=1, help="Deterministic episodes, and as many sampled ones.")] = 20,
+) -> None:
+    """Play every policy on the other backends of its run, as it is: transfer.csv, which `report` then shows."""
+    from causalbench.run.transfer import play_elsewhere
+
+    _say(run, lambda folder: play_elsewhere(folder, only or (), episodes))
+
+
+def _say(run: Path, work: Callable[[RunFolder], Iterator[str]]) -> None:
+    """Print the sentences of `work`, which writes tables beside cells, and write the run's tables anew."""
     from causalbench.cli.terminal_tables import print_problems
     from causalbench.report.tables import write_tables
-    from causalbench.run.reversals import account_for_reversals
     from causalbench.store.run_folder import RunFolder
 
     folder = RunFolder(run)
     print_problems([folder])
-    for sentence in account_for_reversals(folder, only or (), episodes):
+    for sentence in work(folder):
         typer.echo(visible(sentence))
     write_tables(folder)
 

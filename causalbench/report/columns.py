@@ -138,6 +138,8 @@ COLUMNS: dict[str, Column] = {
         "reversals", "Those that did not come with every action outside the stage's causes at 0."
     ),
     "vanished_without_causes": _count("reversals", "Those that did not come with every cause of the stage at 0."),
+    # Policies on other backends
+    "played_on": _text("The backend on which the policy was played, as it came from training on `backend`."),
     # Leaderboard
     "rank": _count(
         "",
@@ -239,8 +241,11 @@ KEYS = ("task", "backend", "method", "grid_point", "seed")
 EDGE_KEYS = ("task", "backend", "grid_point", "seed", "stage", "term", "action", "selected", "in_policy")
 EFFECT = ("effect", "effect_low", "effect_high")
 REVERSALS = (
-    "causes_graph", "episode", "deterministic", "stage", "steps_in_stage", "reversals", "reversals_repeated",
-    "vanished_without_redundant", "vanished_without_causes",
+    "episode", "deterministic", "stage", "steps_in_stage", "reversals", "reversals_repeated",
+    "vanished_without_redundant", "vanished_without_causes", "causes_graph",
+)  # fmt: skip
+TRANSFER = (
+    "played_on", "episodes", "success_deterministic", "success_sampled", "reversals_per_episode", "mean_final_stage",
 )  # fmt: skip
 
 TABLES: dict[str, tuple[str, ...]] = {
@@ -268,6 +273,7 @@ TABLES: dict[str, tuple[str, ...]] = {
         "largest_drawdown", "episodes_with_drawdown", "drawdown_recovered",
     ),
     "reversals.csv": (*KEYS, *REVERSALS),
+    "transfer.csv": (*KEYS, *TRANSFER),
     "latching.csv": (*KEYS, "rule", "threshold", "latched", "at_end", "points"),
     "discovery.csv": (*EDGE_KEYS, *(f"oracle_{name}" for name in EFFECT), "oracle_grade"),
     "leaderboard.csv": (
@@ -292,6 +298,7 @@ TABLES: dict[str, tuple[str, ...]] = {
         "return",
     ),
     "cells/*/reversals.csv": REVERSALS,
+    "cells/*/transfer.csv": TRANSFER,
     "discovery/*/evidence.csv": ("stage", "term", "action", "selected", "in_policy"),
     "discovery/*/oracle.csv": ("stage", "term", "action", *EFFECT, "floor", "grade", "selected"),
     "discovery/*/score.csv": ("stage", "precision", "recall", "f1", "shd", "f1_weak_present"),

@@ -32,6 +32,7 @@ class Results:
     progress_account: pd.DataFrame
     latching: pd.DataFrame
     reversals: pd.DataFrame
+    transfer: pd.DataFrame
     discovery: pd.DataFrame
     leaderboard: pd.DataFrame
     verdicts: pd.DataFrame

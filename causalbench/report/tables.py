@@ -17,6 +17,7 @@ from causalbench.report.sequential import look_rows
 from causalbench.report.stage_account import latching, moves, progress_account, stage_account
 from causalbench.report.stats import area_under, wilson
 from causalbench.report.verdicts import verdict_rows
+from causalbench.store.beside import BESIDE
 from causalbench.store.cells import StoredCell
 from causalbench.store.comparable import merged
 from causalbench.store.episodes import episode_row, return_columns
@@ -45,7 +46,7 @@ def tables(cells: Sequence[StoredCell], stated: Sequence[Stated]) -> dict[str, T
         "returns.csv": [row for cell in learned for row in _return_rows(cell)],
         "stages.csv": [row for cell in learned for row in _stage_rows(cell)],
         **_account(learned),
-        "reversals.csv": [_keys(cell) | row for cell in learned for row in cell.reversals()],
+        **{file: [_keys(cell) | row for cell in learned for row in cell.beside(file)] for file in BESIDE},
         "leaderboard.csv": board,
         "agreement.csv": agreement(board),
         "verdicts.csv": verdict_rows(results, cells, stated),

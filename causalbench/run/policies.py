@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from causalbench.core.learners.policy import load_policy
 from causalbench.core.learners.registry import Policy
@@ -36,12 +36,16 @@ def finished(run: RunFolder, only: Sequence[str]) -> list[StoredCell]:
 
 
 @contextmanager
-def trained(cell: StoredCell) -> Iterator[Trained]:
-    """The policy of `cell` in a world of its own, which is closed in the end."""
+def trained(cell: StoredCell, place: Mapping[str, Any] | None = None) -> Iterator[Trained]:
+    """The policy of `cell` in a world of its own, which is closed in the end.
+
+    `place` is the identity of another backend to play on; None for the one of its training.
+    """
     identity = cell.identity
+    backend = place or identity["backend"]
     load = installed().learner(identity["method"]["learner"]).load_policy or load_policy
     policy, task = load(cell.policy_folder()), installed().task(cell.task)
-    make_worlds = worlds_maker(installed().backend(cell.backend), task, identity["backend"]["options"])
+    make_worlds = worlds_maker(installed().backend(backend["name"]), task, backend["options"])
     env = StageTaskEnv(make_worlds(), None, *observed(identity["learner"]).values())
     try:
         yield Trained(policy, env, identity["evaluation"]["first_start"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,8 +13,8 @@ from causalbench.core.learners.reversal_causes import Mask, reversal_causes
 from causalbench.core.world.capabilities import Capability, lacking
 from causalbench.plugins.manager import installed
 from causalbench.run.policies import Trained, finished, trained
+from causalbench.store.beside import REVERSALS, write_beside
 from causalbench.store.cells import StoredCell
-from causalbench.store.reversals import write_reversals
 from causalbench.store.run_folder import RunFolder
 
 
@@ -30,8 +31,9 @@ def account_for_reversals(run: RunFolder, only: Sequence[str], episodes: int) ->
                 yield f"{title}: left out; {lacking(Capability.EXACT_RESTORE, 'this', cell.backend, cell.task)}"
                 continue
             graph = graph_for(cell, cells)
-            rows = list(_rows(ready, _causes(graph, ready), episodes))
-        write_reversals(cell.folder, graph.hash, rows)
+            found = _rows(ready, _causes(graph, ready), episodes)
+            rows = [replace(row, causes_graph=graph.hash) for row in found]
+        write_beside(cell.folder, REVERSALS, rows)
         yield f"{title}: {_summary(rows)}"
 
 

@@ -19,10 +19,10 @@ from causalbench.core.discovery.graph import CausalGraph
 from causalbench.core.learners.records import Episode, Evaluation
 from causalbench.errors import DamagedFileError
 from causalbench.names import PATTERN
+from causalbench.store.beside import BESIDE, read_beside
 from causalbench.store.episodes import read_episodes
 from causalbench.store.files import check_digests, digests, is_file, is_folder, read_json, validated
 from causalbench.store.records import Counts, read_counts, read_effects, read_progress
-from causalbench.store.reversals import REVERSALS, read_reversals
 from causalbench.suite.cells import cell_id
 
 State = Literal["done", "failed", "timeout", "diverged", "skipped", "running", "pending", "damaged"]
@@ -37,7 +37,7 @@ POLICY = "policy"
 """The folder of a finished learner's policy, which may be left out of what is published."""
 KINDS = {"learner": "cells", "discovery": "discovery"}
 """Kind of a cell -> the folder that such cells lie in."""
-NO_RESULTS = frozenset({CELL, STATUS, LOG, CHECKPOINT, DATA, REVERSALS, "figures", "tensorboard"})
+NO_RESULTS = frozenset({CELL, STATUS, LOG, CHECKPOINT, DATA, *BESIDE, "figures", "tensorboard"})
 """What may lie in a cell's folder without being a result; samples have digests of their own."""
 RESULTS = {
     "learner": frozenset({"progress.csv", "episodes.csv", "counts.json"}),
@@ -161,9 +161,9 @@ class StoredCell:
         """The episodes of a finished learner's last evaluation; empty where the learner keeps none."""
         return read_episodes(self.file("episodes.csv"))
 
-    def reversals(self) -> list[dict[str, str | int]]:
-        """Whose doing the reversals of a finished learner's policy are; empty where nobody asked."""
-        return read_reversals(self.folder)
+    def beside(self, file: str) -> list[dict[str, Any]]:
+        """The rows of a table that a later command made of a finished learner's policy; none where nobody asked."""
+        return read_beside(self.folder, file)
 
     def counts(self) -> Counts:
         """What the training of a finished learner added up to."""

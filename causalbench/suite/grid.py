@@ -14,6 +14,9 @@ Grid = dict[str, Annotated[tuple[Any, ...], Field(min_length=1)]]
 Combination = Mapping[str, Any]
 """Dotted key -> one of its values."""
 
+DONOR = "discovery.backend"
+"""The key of a grid that is no setting: the backend whose discovery gives a method its causal graph."""
+
 
 def combinations(grid: Grid) -> Iterator[Combination]:
     """Every combination, the last key's values changing fastest; one empty combination for an empty grid."""
@@ -25,6 +28,8 @@ def layer_of(combination: Combination) -> dict[str, dict[str, Any]]:
     """The settings of a combination as a suite would write them: section -> key -> value, with nested sections."""
     layer: dict[str, dict[str, Any]] = {"learner": {}, "discovery": {}, "evaluation": {}}
     for key, value in combination.items():
+        if key == DONOR:
+            continue
         *path, last = key.split(".")
         place = layer
         for part in path:

@@ -21,7 +21,7 @@ from causalbench.plugins.backends import Backend
 from causalbench.plugins.manager import Plugins
 from causalbench.plugins.venues import venue_of
 from causalbench.suite.cells import BackendIdentity, Cell, DiscoveryCell, LearnerCell, TaskIdentity
-from causalbench.suite.grid import Combination, combinations, layer_of
+from causalbench.suite.grid import DONOR, Combination, combinations, layer_of
 from causalbench.suite.hypotheses import Hypothesis, Statement
 from causalbench.suite.positions import Location
 from causalbench.suite.schema import DiscoveryLayer, PerBackend, PerMethod, SuiteFile, TierBackend
@@ -70,10 +70,9 @@ def make_plan(
     cells: dict[str, Cell] = {}
     impossible: dict[str, str] = {}
     for name in backends:
-        backend, reason = planner.backend(name)
-        for cell in planner.cells(backend, methods, chosen_seeds):
+        for cell in planner.cells(name, methods, chosen_seeds):
             cells[cell.id] = cell
-            if why := reason or planner.beyond(cell):
+            if why := planner.beyond(cell):
                 impossible[cell.id] = why
     ordered = tuple(sorted(cells.values(), key=lambda cell: isinstance(cell, LearnerCell)))
     planner.check_hypotheses(ordered)
@@ -91,6 +90,7 @@ class _Planner:
         self.task_identity: TaskIdentity = self._named(("task",), partial(task_identity, self.task))
         self.venue = venue_of(self.task)
         self._can: dict[str, frozenset[Capability]] = {}  # backend -> what worlds in it can do
+        self._backends: dict[str, tuple[BackendIdentity, str]] = {}
 
     def check_number(self, of_each_combination: int) -> None:
         """Refuse a plan that nobody can run. Raises `SuiteError`."""
@@ -124,10 +124,18 @@ class _Planner:
         self._named(("methods", self.suite.methods.index(name)), partial(self.plugins.learner, method.learner))
         return method
 
-    def backend(self, name: str) -> tuple[BackendIdentity, str]:
-        """The backend `name` as it enters a cell, and why it cannot run the task, "" if it can."""
+    def backend(self, name: str, combination: Combination) -> BackendIdentity:
+        """The backend `name`, which the suite or `combination` names, as it enters a cell."""
+        if name not in self._backends:
+            self._backends[name] = self._find_backend(name, combination)
+        return self._backends[name][0]
+
+    def _find_backend(self, name: str, combination: Combination) -> tuple[BackendIdentity, str]:
+        """The backend, and why it cannot run the task, "" if it can."""
         location: Location = ("tiers", self.tier_name, "backends", name)
-        if not self.tier.backends:
+        if name not in self.suite.backends_in(self.tier):
+            location = ("grid", DONOR)
+        elif not self.tier.backends:
             location = ("backends", self.suite.backends.index(name))
         found: Backend = self._named(location, partial(self.plugins.backend, name))
         options = self.suite.per_backend.get(name, PerBackend()).options
@@ -137,16 +145,20 @@ class _Planner:
         return BackendIdentity(name, version, modules, options), self.venue.refusal(found, options)
 
     def beyond(self, cell: Cell) -> str:
-        """What the cell asks of worlds that cannot do it, in a sentence; "" if they can. The backend runs the task."""
+        """What the cell asks of a backend or of worlds that cannot do it, in a sentence; "" if they can."""
         name = cell.backend.name
+        if reason := self._backends[name][1]:
+            return reason
         if name not in self._can:
             self._can[name] = self.venue.capabilities(self.plugins.backends[name], cell.backend.options)
         can = self._can[name]
         needs = requirements(cell, self.plugins.discoverers)
-        lacked = (lacking(need, purpose, name, self.task.name) for need, purpose in needs if need not in can)
-        return next(lacked, "")
+        lacked = [lacking(need, purpose, name, self.task.name) for need, purpose in needs if need not in can]
+        if isinstance(cell, LearnerCell) and cell.discovery and not lacked:
+            return self.beyond(cell.discovery)
+        return next(iter(lacked), "")
 
-    def cells(self, backend: BackendIdentity, methods: Sequence[Method], seeds: Sequence[int]) -> Iterator[Cell]:
+    def cells(self, backend: str, methods: Sequence[Method], seeds: Sequence[int]) -> Iterator[Cell]:
         """All cells on one backend; some more than once."""
         for combination in combinations(self.suite.grid_in(self.tier)):
             if not self.suite.methods:
@@ -158,12 +170,13 @@ class _Planner:
                         yield cell.discovery
                     yield cell
 
-    def _discovery(self, backend: BackendIdentity, seed: int, combination: Combination) -> DiscoveryCell:
-        """The discovery whose graph `seed` uses."""
-        section, of_backend = self.file.sections.discovery, self._of_backend(backend.name)
-        layers: list[DiscoveryLayer] = [self.suite, of_backend, self.tier, self._in_tier(backend.name)]
+    def _discovery(self, user: str, seed: int, combination: Combination) -> DiscoveryCell:
+        """The discovery whose graph `seed` uses on the backend `user`."""
+        name = combination.get(DONOR, user)
+        backend, section = self.backend(name, combination), self.file.sections.discovery
+        layers: list[DiscoveryLayer] = [self.suite, self._of_backend(name), self.tier, self._in_tier(name)]
         patches = [*(layer.discovery for layer in layers), layer_of(combination)["discovery"]]
-        location = self._discoverer_location(backend.name, combination)
+        location = self._discoverer_location(name, combination)
         settings = self._named(location, partial(section.resolve, patches))
         self._named(location, partial(self.plugins.discoverer, settings.discoverer))
         grid_point = _reaching(combination, "discovery", partial(section.reaches, subject=settings.discoverer))
@@ -172,8 +185,8 @@ class _Planner:
             __version__, self.task_identity, backend, seed if own else self.suite.first_seed, settings, grid_point
         )
 
-    def _learner(self, backend: BackendIdentity, method: Method, seed: int, combination: Combination) -> LearnerCell:
-        sections, patches = self.file.sections, self._learner_patches(backend.name, method.name, combination)
+    def _learner(self, backend: str, method: Method, seed: int, combination: Combination) -> LearnerCell:
+        sections, patches = self.file.sections, self._learner_patches(backend, method.name, combination)
         asks = method.matrix in ("discovered", "oracle")
         asked = self._discovery(backend, seed, combination) if asks else None
         discovery = asked if method.matrix == "discovered" else None
@@ -184,15 +197,15 @@ class _Planner:
         return LearnerCell(
             code=__version__,
             task=self.task_identity,
-            backend=backend,
+            backend=self.backend(backend, combination),
             method=method,
             seed=seed,
-            env_steps=self._in_tier(backend.name).env_steps or self.tier.env_steps or 0,
+            env_steps=self._in_tier(backend).env_steps or self.tier.env_steps or 0,
             learner=self._named(("learner",), partial(sections.learner.resolve, method.learner, patches["learner"])),
             evaluation=sections.evaluation.resolve(patches["evaluation"]),
             discovery=discovery,
             action_repeat=asked.settings.action_repeat if asked and not discovery else 1,
-            grid_point={**grid_point, **(discovery.grid_point if discovery else {})},
+            grid_point={**grid_point, **(_of_discovery(discovery, combination) if discovery else {})},
         )
 
     def _learner_patches(self, backend: str, method: str, combination: Combination) -> dict[str, list[Patch]]:
@@ -231,8 +244,14 @@ class _Planner:
             raise self.file.source.mistake(location, str(error)) from error
 
 
+def _of_discovery(discovery: DiscoveryCell, combination: Combination) -> dict[str, Any]:
+    """What of `combination` reaches a method by the discovery whose graph it uses."""
+    donor = {DONOR: combination[DONOR]} if DONOR in combination else {}
+    return {**discovery.grid_point, **donor}
+
+
 def requirements(cell: Cell, discoverers: Mapping[str, Discoverer]) -> Iterator[tuple[Capability, str]]:
-    """What the worlds of a cell must be able to do beyond being played, each with what for."""
+    """What the worlds of a cell itself must be able to do beyond being played, each with what for."""
     if isinstance(cell, DiscoveryCell):
         name = cell.settings.discoverer
         yield from ((capability, f"discoverer {name!r}") for capability in sorted(discoverers[name].requires))
@@ -243,15 +262,15 @@ def requirements(cell: Cell, discoverers: Mapping[str, Discoverer]) -> Iterator[
         yield Capability.RESTORE, f"method {cell.method.name!r}, which asks the oracle,"
     if cell.method.control != "none":
         yield Capability.EXPERT, f"method {cell.method.name!r}, whose control an expert must solve,"
-    if cell.discovery:
-        yield from requirements(cell.discovery, discoverers)
 
 
 def _reaching(combination: Combination, section: str, reaches: Callable[[str], bool]) -> dict[str, Any]:
     """The settings of `combination` in `section` that do something."""
     prefix = f"{section}."
     return {
-        key: value for key, value in combination.items() if key.startswith(prefix) and reaches(key.removeprefix(prefix))
+        key: value
+        for key, value in combination.items()
+        if key.startswith(prefix) and key != DONOR and reaches(key.removeprefix(prefix))
     }
 
 

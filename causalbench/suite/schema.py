@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 from causalbench.errors import UnknownNameError
 from causalbench.formats import SuiteFormat
 from causalbench.plugins.manager import Plugins
-from causalbench.suite.grid import Grid, layer_of
+from causalbench.suite.grid import DONOR, Grid, layer_of
 from causalbench.suite.hypotheses import Hypothesis
 from causalbench.suite.messages import as_json, explain, guess, worst
 from causalbench.suite.positions import Location, PositionedYaml, Source
@@ -224,6 +224,8 @@ def _check_grid(file: SuiteFile, place: Location, grid: Grid, learners: Mapping[
         for index, value in enumerate(values):
             if value in values[:index]:
                 raise file.source.mistake((*place, key, index), f"{value!r} is listed twice")
+            if key == DONOR and not isinstance(value, str):
+                raise file.source.mistake((*place, key, index), f"expected the name of a backend, got {value!r}")
             patch = layer_of({key: value})[section]
             if found := file.sections.problem(section, patch, learners):
                 raise file.source.mistake((*place, key, index), found[1])

@@ -10,7 +10,7 @@ import pytest
 import causalbench
 from causalbench.errors import RunFolderError
 from causalbench.run.reversals import graph_for
-from causalbench.store.reversals import REVERSALS
+from causalbench.store.beside import REVERSALS
 from causalbench.store.run_folder import RunFolder
 
 
@@ -33,7 +33,7 @@ def test_the_account_lies_beside_each_cell_and_in_the_runs_tables(run: RunFolder
     played = before.episodes.set_index(["method", "seed", "deterministic", "episode"])["length"]
     certain = steps[steps.index.get_level_values("deterministic") == 1]
     assert (certain == played[certain.index]).all()  # the same episodes as the last evaluation's
-    assert (run.path / REVERSALS).read_text().startswith("task,backend,method,grid_point,seed,causes_graph,")
+    assert (run.path / REVERSALS).read_text().startswith("task,backend,method,grid_point,seed,episode,")
     assert not run.problems()  # no result of a cell has changed
     assert not [cell for cell in run.cells() if cell.status.state == "damaged"]
 
@@ -48,6 +48,6 @@ def test_the_causes_are_those_that_the_run_discovered_for_the_seed(run: RunFolde
 
 def test_a_damaged_account_is_named(run: RunFolder) -> None:
     (cell, *_) = [cell for cell in run.cells() if cell.is_done("learner")]
-    (cell.folder / REVERSALS).write_text("causes_graph,episode\n1,x\n")
+    (cell.folder / REVERSALS).write_text("episode,deterministic\n1,x\n")
     with pytest.raises(RunFolderError, match=r"reversals\.csv"):
         causalbench.load_results(run.path)

@@ -414,3 +414,31 @@ def test_a_plan_states_the_whole_tier_whatever_is_picked_of_it(tmp_path: Path, p
 def test_a_hypothesis_needs_methods_of_one_point_of_the_grid(tmp_path: Path, plugins: Plugins) -> None:
     with pytest.raises(SuiteError, match=r"hypotheses\.0: the grid has 'cmSAC' at several points; a hypothesis needs"):
         plan(tmp_path, plugins, SUITE.replace("mSAC]", "mSAC, mPPO]") + "hypotheses: [cmSAC > mSAC]\n" + GRID)
+
+
+DONORS = SUITE.replace("[kinematic]", "[kinematic, pybullet]") + "grid:\n  discovery.backend: [kinematic, pybullet]\n"
+
+
+def test_a_graph_may_come_from_another_backend(tmp_path: Path, plugins: Plugins) -> None:
+    found = plan(tmp_path, plugins, DONORS, seeds=1).cells
+    learners = [cell for cell in found if isinstance(cell, LearnerCell)]
+    donors = {(c.backend.name, c.discovery.backend.name) for c in learners if c.discovery}
+    assert donors == {(a, b) for a in ("kinematic", "pybullet") for b in ("kinematic", "pybullet")}
+    for cell in learners:
+        assert dict(cell.grid_point) == ({"discovery.backend": cell.discovery.backend.name} if cell.discovery else {})
+    # Each discovery once, and the same as without a grid.
+    alone = plan(tmp_path, plugins, DONORS.partition("grid:")[0], seeds=1).cells
+    assert {c.id for c in found if isinstance(c, DiscoveryCell)} == {
+        c.id for c in alone if isinstance(c, DiscoveryCell)
+    }
+
+
+def test_a_backend_that_gives_graphs_alone_is_planned_and_checked_too(tmp_path: Path, plugins: Plugins) -> None:
+    text = DONORS.replace("[kinematic, pybullet]\nmethods", "[kinematic]\nmethods")
+    found = plan(tmp_path, plugins, text, seeds=1)
+    assert {cell.backend.name for cell in found.cells if isinstance(cell, DiscoveryCell)} == {"kinematic", "pybullet"}
+    assert {cell.backend.name for cell in found.cells if isinstance(cell, LearnerCell)} == {"kinematic"}
+    with pytest.raises(SuiteError, match=r"grid\.discovery\.backend: unknown backend 'bullet'"):
+        plan(tmp_path, plugins, text.replace("[kinematic, pybullet]", "[kinematic, bullet]"))
+    with pytest.raises(SuiteError, match=r"grid\.discovery\.backend\.1: expected the name of a backend, got 3"):
+        plan(tmp_path, plugins, text.replace("[kinematic, pybullet]", "[kinematic, 3]"))

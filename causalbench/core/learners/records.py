@@ -94,7 +94,7 @@ class TrainingCounts:
 
 @dataclass(frozen=True)
 class ReversalCauses:
-    """The reversals of one episode from one stage.
+    """The reversals of one episode from one stage; `causes_graph` is the hash of the graph whose causes are meant.
 
     `reversals_repeated` came again when the unchanged step was taken again, which is a check of the snapshots.
     `vanished_without_redundant` did not come with every action outside the stage's causes at 0, and
@@ -109,3 +109,19 @@ class ReversalCauses:
     reversals_repeated: int
     vanished_without_redundant: int
     vanished_without_causes: int
+    causes_graph: str = ""
+
+
+@dataclass(frozen=True)
+class Transfer:
+    """How a policy does in the worlds of `played_on`, another backend than the one that it was trained on.
+
+    The numbers are those of an `Evaluation`.
+    """
+
+    played_on: str
+    episodes: int
+    success_deterministic: float
+    success_sampled: float
+    reversals_per_episode: float
+    mean_final_stage: float

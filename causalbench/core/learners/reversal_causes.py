@@ -43,7 +43,11 @@ def reversal_causes(
         if info["reversal"]:
             found[stage] += [1, *_taken_again(env.worlds, before, action, causes[stage])]
     for stage in np.flatnonzero(steps):
-        yield ReversalCauses(episode, deterministic, int(stage) + 1, int(steps[stage]), *map(int, found[stage]))
+        reversals, repeated, without_redundant, without_causes = map(int, found[stage])
+        yield ReversalCauses(
+            episode, deterministic, int(stage) + 1, int(steps[stage]), reversals, repeated, without_redundant,
+            without_causes,
+        )  # fmt: skip
 
 
 def _taken_again(worlds: Worlds, before: bytes, action: NDArray[np.float32], causes: Mask) -> tuple[bool, bool, bool]:

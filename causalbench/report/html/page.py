@@ -26,6 +26,7 @@ from causalbench.report.html import (
     flow,
     provenance,
     reversal,
+    transfer,
     transitions,
     verdicts,
 )
@@ -37,7 +38,7 @@ from causalbench.report.pastable import leaderboard_md, leaderboard_tex
 REPORT = "report.html"
 SECTIONS = (
     verdicts.section, board.section, curves.section, reversal.section, causes.section, curves.cost_section,
-    controls.section, films.section, failures.section, provenance.section,
+    controls.section, transfer.section, films.section, failures.section, provenance.section,
 )  # fmt: skip
 """What the page says, in its order."""
 

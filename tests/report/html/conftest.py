@@ -17,10 +17,10 @@ from causalbench.core.discovery.graph import CausalGraph, EvidenceColumn, manual
 from causalbench.core.learners.records import ReversalCauses
 from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench.report.html.source import Source, read_source
+from causalbench.store.beside import REVERSALS, write_beside
 from causalbench.store.cells import LOG, Status
 from causalbench.store.claim import own_folder
 from causalbench.store.films import VIDEOS, Film, write_film
-from causalbench.store.reversals import write_reversals
 from causalbench.store.run_folder import RunFolder
 from causalbench.suite.hypotheses import Statement
 
@@ -57,7 +57,7 @@ def _account(folder: Path, seed: int) -> None:
     """Four episodes with two reversals each, of which both vanish without redundant actions if the seed is even."""
     vanished = 2 if seed % 2 == 0 else 0
     rows = [ReversalCauses(number, True, 2, 9, 2, 2, vanished, 0) for number in range(4)]
-    write_reversals(folder, "abc", rows)
+    write_beside(folder, REVERSALS, rows)
 
 
 def _film(run: RunFolder, cell: str) -> None:

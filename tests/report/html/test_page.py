@@ -20,7 +20,10 @@ from causalbench.errors import RunFolderError
 from causalbench.report.html.page import SECTIONS, write_report
 from causalbench.store.run_folder import RunFolder
 
-ORDER = ["verdicts", "leaderboard", "curves", "stages", "causes", "cost", "controls", "films", "failures", "provenance"]
+ORDER = [
+    "verdicts", "leaderboard", "curves", "stages", "causes", "cost", "controls", "transfer", "films", "failures",
+    "provenance",
+]  # fmt: skip
 VOID = {"meta", "link", "input", "img", "br"}
 
 
