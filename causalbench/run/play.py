@@ -54,12 +54,13 @@ def _film(cell: StoredCell, path: Path, episodes: int) -> Path:
         raise UserError("videos need `pip install causalbench-robotics[video]`") from error
 
     title = f"{cell.method} on {cell.backend}, seed {cell.seed}"
-    with trained(cell) as (policy, env, first_start):
+    ready = trained(cell)
+    with ready.env() as env:
         look = {"fps": env.metadata["render_fps"], "codec": "libx264", "quality": 8}
         stages = []
         with replacing(path) as temporary, imageio.get_writer(temporary, **look) as writer:
             for episode in range(episodes):
-                for shot in film_episode(policy, env, first_start + episode, title):
+                for shot in film_episode(ready.policy, env, ready.first_start + episode, title):
                     writer.append_data(shot.picture)  # type: ignore[attr-defined]
                     stages.append(shot.stage)
         write_film(path, Film(env.metadata["render_fps"], env.task.n_stages, run_lengths(stages)))

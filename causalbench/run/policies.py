@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from typing import Any, NamedTuple
 
 from causalbench.core.learners.policy import load_policy
 from causalbench.core.learners.registry import Policy
 from causalbench.core.learners.settings import observed
 from causalbench.core.staged.env import StageTaskEnv
+from causalbench.core.staged.worlds import MakeWorlds, Worlds
 from causalbench.errors import UserError
 from causalbench.plugins.manager import installed
 from causalbench.plugins.venues import worlds_maker
@@ -19,11 +20,25 @@ from causalbench.suite.selection import Selection
 
 
 class Trained(NamedTuple):
-    """A policy in a world like those that it was examined in; start i of evaluations has the seed `first_start` + i."""
+    """A policy with worlds that observe what it reads; start i of evaluations has the seed `first_start` + i."""
 
     policy: Policy
-    env: StageTaskEnv
+    make_worlds: MakeWorlds
+    observed: Mapping[str, Any]
     first_start: int
+
+    @contextmanager
+    def env(self) -> Iterator[StageTaskEnv]:
+        """One world as an environment, which is closed in the end."""
+        with closing(StageTaskEnv(self.make_worlds(), None, *self.observed.values())) as env:
+            yield env
+
+    @contextmanager
+    def worlds(self, n: int) -> Iterator[Worlds]:
+        """Worlds of shape (n,), which are closed in the end."""
+        with closing(self.make_worlds(n)) as worlds:
+            worlds.choose_observation(*self.observed.values())
+            yield worlds
 
 
 def finished(run: RunFolder, only: Sequence[str]) -> list[StoredCell]:
@@ -35,19 +50,11 @@ def finished(run: RunFolder, only: Sequence[str]) -> list[StoredCell]:
     return cells
 
 
-@contextmanager
-def trained(cell: StoredCell, place: Mapping[str, Any] | None = None) -> Iterator[Trained]:
-    """The policy of `cell` in a world of its own, which is closed in the end.
-
-    `place` is the identity of another backend to play on; None for the one of its training.
-    """
+def trained(cell: StoredCell, place: Mapping[str, Any] | None = None) -> Trained:
+    """The policy of `cell`, to be played on the backend with the identity `place`, or on its own for None."""
     identity = cell.identity
     backend = place or identity["backend"]
     load = installed().learner(identity["method"]["learner"]).load_policy or load_policy
-    policy, task = load(cell.policy_folder()), installed().task(cell.task)
-    make_worlds = worlds_maker(installed().backend(backend["name"]), task, backend["options"])
-    env = StageTaskEnv(make_worlds(), None, *observed(identity["learner"]).values())
-    try:
-        yield Trained(policy, env, identity["evaluation"]["first_start"])
-    finally:
-        env.close()
+    make_worlds = worlds_maker(installed().backend(backend["name"]), installed().task(cell.task), backend["options"])
+    first_start = identity["evaluation"]["first_start"]
+    return Trained(load(cell.policy_folder()), make_worlds, observed(identity["learner"]), first_start)

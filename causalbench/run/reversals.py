@@ -10,6 +10,7 @@ import numpy as np
 from causalbench.core.discovery.graph import CausalGraph, manual_graph
 from causalbench.core.learners.records import ReversalCauses
 from causalbench.core.learners.reversal_causes import Mask, reversal_causes
+from causalbench.core.staged.env import StageTaskEnv
 from causalbench.core.world.capabilities import Capability, lacking
 from causalbench.plugins.manager import installed
 from causalbench.run.policies import Trained, finished, trained
@@ -26,12 +27,13 @@ def account_for_reversals(run: RunFolder, only: Sequence[str], episodes: int) ->
     cells = run.cells()
     for cell in finished(run, only):
         title = f"{cell.method} on {cell.backend}, seed {cell.seed}"
-        with trained(cell) as ready:
-            if Capability.EXACT_RESTORE not in ready.env.worlds.capabilities:
+        ready = trained(cell)
+        with ready.env() as env:
+            if Capability.EXACT_RESTORE not in env.worlds.capabilities:
                 yield f"{title}: left out; {lacking(Capability.EXACT_RESTORE, 'this', cell.backend, cell.task)}"
                 continue
             graph = graph_for(cell, cells)
-            found = _rows(ready, _causes(graph, ready), episodes)
+            found = _rows(ready, env, _causes(graph, env.action_names), episodes)
             rows = [replace(row, causes_graph=graph.hash) for row in found]
         write_beside(cell.folder, REVERSALS, rows)
         yield f"{title}: {_summary(rows)}"
@@ -52,17 +54,16 @@ def _place(cell: StoredCell) -> tuple[object, object]:
     return cell.identity["task"], cell.identity["backend"]
 
 
-def _causes(graph: CausalGraph, ready: Trained) -> Mask:
+def _causes(graph: CausalGraph, actions: Sequence[str]) -> Mask:
     """(n_stages, n_actions): which actions cause a reward of which stage."""
-    names = ready.env.action_names
-    return np.array([[name in stage.causal_actions() for name in names] for stage in graph.stages])
+    return np.array([[name in stage.causal_actions() for name in actions] for stage in graph.stages])
 
 
-def _rows(ready: Trained, causes: Mask, episodes: int) -> Iterator[ReversalCauses]:
+def _rows(ready: Trained, env: StageTaskEnv, causes: Mask, episodes: int) -> Iterator[ReversalCauses]:
     for deterministic in (True, False):
         for episode in range(episodes):
             seed = ready.first_start + episode
-            yield from reversal_causes(ready.policy, ready.env, causes, episode, seed, deterministic)
+            yield from reversal_causes(ready.policy, env, causes, episode, seed, deterministic)
 
 
 def _summary(rows: Sequence[ReversalCauses]) -> str:

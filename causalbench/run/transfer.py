@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from causalbench.core.learners.evaluation import evaluate
-from causalbench.core.learners.records import Evaluation, Transfer
+from causalbench.core.learners.evaluation import Player, summary
+from causalbench.core.learners.records import Transfer
 from causalbench.errors import UserError
 from causalbench.run.policies import finished, trained
 from causalbench.store.beside import TRANSFER, write_beside
@@ -25,23 +25,24 @@ def play_elsewhere(run: RunFolder, only: Sequence[str], episodes: int) -> Iterat
         others = {name: place for name, place in places.items() if name != cell.backend}
         if not others:
             raise UserError(f"{run.path}: all of it is on {cell.backend}; a transfer needs a run on several backends")
-        rows = [_transfer(name, _evaluation(cell, place, episodes)) for name, place in others.items()]
+        rows = [_transfer(cell, name, place, episodes) for name, place in others.items()]
         write_beside(cell.folder, TRANSFER, rows)
         said = ", ".join(f"{row.success_deterministic:.2f} on {row.played_on}" for row in rows)
         yield f"{cell.method} of {cell.backend}, seed {cell.seed}: {said}"
 
 
-def _evaluation(cell: StoredCell, place: Mapping[str, Any], episodes: int) -> Evaluation:
-    with trained(cell, place) as ready:
-        return evaluate(ready.policy, ready.env, episodes, cell.status.env_steps, ready.first_start)
-
-
-def _transfer(name: str, found: Evaluation) -> Transfer:
+def _transfer(cell: StoredCell, name: str, place: Mapping[str, Any], episodes: int) -> Transfer:
+    ready = trained(cell, place)
+    with ready.worlds(1) as worlds:
+        player = Player(worlds, ready.first_start)
+        certain, sampled = (player.play(ready.policy, range(episodes), mode) for mode in (True, False))
+    share = sum(episode.success for episode in sampled) / episodes
+    found = summary(cell.status.env_steps, certain, sampled, share)
     return Transfer(
         played_on=name,
-        episodes=found.episodes,
+        episodes=episodes,
         success_deterministic=found.success_deterministic,
-        success_sampled=found.success_sampled,
+        success_sampled=share,
         reversals_per_episode=found.reversals_per_episode,
         mean_final_stage=found.mean_final_stage,
     )

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import causalbench
-from causalbench.core.learners.evaluation import evaluate
+from causalbench.core.learners.evaluation import Player, summary
 from causalbench.core.learners.policy import load_policy
 from causalbench.plugins.backends import Backend
 from causalbench.plugins.manager import installed
@@ -50,8 +50,10 @@ def test_a_policy_plays_elsewhere_as_it_would_at_home(run: RunFolder, twin: None
     assert (done.returncode, done.stderr) == (0, "")
     (cell,) = [cell for cell in run.cells() if cell.method == "mSAC"]
     (row,) = cell.beside("transfer.csv")
-    env = make_env("pure_manipulation", "kinematic")
-    own = evaluate(load_policy(cell.policy_folder()), env, 2, 0, first_start=cell.identity["evaluation"]["first_start"])
+    worlds = make_env("pure_manipulation", "kinematic").make_worlds(1)
+    player, policy = Player(worlds, cell.identity["evaluation"]["first_start"]), load_policy(cell.policy_folder())
+    certain, sampled = (player.play(policy, range(2), mode) for mode in (True, False))
+    own = summary(0, certain, sampled, sum(episode.success for episode in sampled) / 2)
     assert row["played_on"] == "twin"
     for name in ("episodes", "success_deterministic", "success_sampled", "reversals_per_episode", "mean_final_stage"):
         assert row[name] == getattr(own, name)
