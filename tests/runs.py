@@ -7,7 +7,7 @@ from pathlib import Path
 RESULT_FILES = (
     "results.csv", "curves.csv", "returns.csv", "stages.csv", "episodes.csv", "stage_account.csv", "moves.csv",
     "progress_account.csv", "latching.csv", "discovery.csv", "leaderboard.csv",
-    "verdicts.csv", "agreement.csv", "looks.csv", "hypotheses.json",
+    "verdicts.csv", "agreement.csv", "looks.csv", "hypotheses.json", "reversals.csv", "transfer.csv",
 )  # fmt: skip
 TIMED = ("status.json", "log.txt")
 """The files of a cell that hold times."""

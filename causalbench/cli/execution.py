@@ -34,22 +34,25 @@ def execute(plan: Plan, folder: RunFolder, file: SuiteFile, execution: Execution
     from causalbench.cli.progress import choose_view
     from causalbench.cli.terminal_tables import print_problems, progress_console
     from causalbench.plugins.manager import installed
-    from causalbench.report.figures import write_run_figures
-    from causalbench.report.html.page import write_report
-    from causalbench.report.tables import write_tables
     from causalbench.run.session import run_plan
 
     view = choose_view(quiet, progress_console())
 
-    def report() -> None:
-        write_tables(folder)
+    def report() -> None:  # imports scipy, pandas and matplotlib, which cells need not wait for
+        from causalbench.report.figures import write_run_figures
+        from causalbench.report.html.page import write_page
+        from causalbench.report.tables import write_tables
+
+        found = write_tables(folder)
         write_run_figures(folder)
-        write_report(folder.path)
+        write_page(folder, found)
 
     print_problems([folder])
-    signal.signal(signal.SIGTERM, _interrupt)
+    before = signal.signal(signal.SIGTERM, _interrupt)
     try:
         run_plan(plan, folder, file, installed(), execution, view, report)
     except KeyboardInterrupt:
         typer.echo("stopped; the same command continues with what is missing", err=True)
         raise typer.Exit(EXIT_INTERRUPTED) from None
+    finally:
+        signal.signal(signal.SIGTERM, before)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -12,10 +12,8 @@ import pandas as pd
 
 from causalbench.errors import RunFolderError
 from causalbench.report.columns import COLUMNS
-from causalbench.report.tables import tables
-from causalbench.store.cells import StoredCell
+from causalbench.report.tables import Table, tables
 from causalbench.store.run_folder import RunFolder
-from causalbench.store.statements import Stated
 
 
 @dataclass(frozen=True)
@@ -52,12 +50,12 @@ def load_results(folder: str | PathLike[str]) -> Results:
     cells = run.cells()
     if not cells:
         raise RunFolderError(f"{folder}: no cells here; give the folder that `causalbench run` wrote")
-    return frames_of(cells, run.stated())
+    return frames_of(tables(cells, run.stated()))
 
 
-def frames_of(cells: Sequence[StoredCell], stated: Sequence[Stated]) -> Results:
-    """What those of `cells` that are finished say, and what comes of what was stated."""
-    frames = {Path(file).stem: _frame(columns, rows) for file, (columns, rows) in tables(cells, stated).items()}
+def frames_of(found: Mapping[str, Table]) -> Results:
+    """`tables` as frames."""
+    frames = {Path(file).stem: _frame(columns, rows) for file, (columns, rows) in found.items()}
     return Results(**frames)
 
 

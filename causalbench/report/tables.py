@@ -29,23 +29,27 @@ Row = dict[str, Any]
 Table = tuple[Sequence[str], list[Row]]
 
 
-def write_tables(run: RunFolder) -> None:
-    """Write every table of `run` from its cells."""
-    for file, (columns, rows) in tables(run.cells(), run.stated()).items():
+def write_tables(run: RunFolder) -> dict[str, Table]:
+    """Write every table of `run` from its cells; what was written, by file."""
+    found = tables(run.cells(), run.stated())
+    for file, (columns, rows) in found.items():
         write_rows(run.path / file, columns, rows)
+    return found
 
 
 def tables(cells: Sequence[StoredCell], stated: Sequence[Stated]) -> dict[str, Table]:
     """File -> names of its columns and its rows: all that the cells of a run say, and what it set out to show."""
     learned = [cell for cell in cells if cell.is_done("learner")]
-    results = result_rows(cells)
+    examined = {cell.id: cell.evaluations() for cell in learned}
+    results = [_result_row(cell, examined[cell.id], cell.counts()) for cell in learned]
     board = leaderboard(results, cells, stated)
+    episodes = episode_table(learned)
     rows = {
         "results.csv": results,
-        "curves.csv": [row for cell in learned for row in _curve_rows(cell)],
-        "returns.csv": [row for cell in learned for row in _return_rows(cell)],
+        "curves.csv": [row for cell in learned for row in _curve_rows(cell, examined[cell.id])],
+        "returns.csv": [row for cell in learned for row in _return_rows(cell, examined[cell.id])],
         "stages.csv": [row for cell in learned for row in _stage_rows(cell)],
-        **_account(learned),
+        **_account(*episodes),
         **{file: [_keys(cell) | row for cell in learned for row in cell.beside(file)] for file in BESIDE},
         "leaderboard.csv": board,
         "agreement.csv": agreement(board),
@@ -55,13 +59,12 @@ def tables(cells: Sequence[StoredCell], stated: Sequence[Stated]) -> dict[str, T
     }
     edges = _discovery_table([cell for cell in cells if cell.is_done("discovery")])
     written = {file: (TABLES[file], found) for file, found in rows.items()}
-    return written | {"episodes.csv": episode_table(learned), "discovery.csv": edges}
+    return written | {"episodes.csv": episodes, "discovery.csv": edges}
 
 
-def _account(learned: Sequence[StoredCell]) -> dict[str, list[Row]]:
+def _account(columns: Sequence[str], rows: Sequence[Row]) -> dict[str, list[Row]]:
     """What follows from the episodes."""
-    columns, rows = episode_table(learned)
-    episodes = pd.DataFrame(rows, columns=list(columns))
+    episodes = pd.DataFrame([*rows], columns=list(columns))
     makers = (stage_account, moves, progress_account, latching)
     return {f"{make.__name__}.csv": make(episodes) for make in makers}
 
@@ -132,8 +135,8 @@ def _keys(cell: StoredCell) -> Row:
     return {key: getattr(cell, key) for key in KEYS}
 
 
-def _curve_rows(cell: StoredCell) -> Iterator[Row]:
-    for evaluation in cell.evaluations():
+def _curve_rows(cell: StoredCell, evaluations: Sequence[Evaluation]) -> Iterator[Row]:
+    for evaluation in evaluations:
         yield _keys(cell) | {
             "env_steps": evaluation.env_steps,
             "success_deterministic": evaluation.success_deterministic,
@@ -143,8 +146,8 @@ def _curve_rows(cell: StoredCell) -> Iterator[Row]:
         }
 
 
-def _return_rows(cell: StoredCell) -> Iterator[Row]:
-    for evaluation in cell.evaluations():
+def _return_rows(cell: StoredCell, evaluations: Sequence[Evaluation]) -> Iterator[Row]:
+    for evaluation in evaluations:
         for term, value in evaluation.term_returns.items():
             yield _keys(cell) | {"env_steps": evaluation.env_steps, "term": term, "mean_term_return": value}
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from importlib.resources import files
 from os import PathLike
@@ -34,6 +34,8 @@ from causalbench.report.html.multiples import Multiples
 from causalbench.report.html.source import Source, read_source
 from causalbench.report.html.wording import count, listed
 from causalbench.report.pastable import leaderboard_md, leaderboard_tex
+from causalbench.report.tables import Table
+from causalbench.store.run_folder import RunFolder
 
 REPORT = "report.html"
 SECTIONS = (
@@ -63,6 +65,11 @@ def write_report(folder: str | PathLike[str], out: str | PathLike[str] | None = 
     if out is None:
         write_beside(source)
     return path
+
+
+def write_page(run: RunFolder, found: Mapping[str, Table]) -> None:
+    """Write `report.html` alone into `run`, whose tables are `found`: what a run ends with."""
+    write_text(run.path / REPORT, render(read_source(run.path, found)))
 
 
 def write_beside(source: Source) -> None:

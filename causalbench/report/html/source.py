@@ -11,6 +11,7 @@ import pandas as pd
 
 from causalbench.errors import RunFolderError
 from causalbench.report.frames import Results, frames_of
+from causalbench.report.tables import Table, tables
 from causalbench.store.cells import StoredCell
 from causalbench.store.run_folder import RunFolder
 
@@ -47,16 +48,20 @@ class Source:
         return [cell for cell in self.cells if cell.is_done("learner")]
 
 
-def read_source(folder: Path) -> Source:
-    """What the run in `folder` says. Raises `RunFolderError` for a folder without cells."""
+def read_source(folder: Path, found: Mapping[str, Table] | None = None) -> Source:
+    """What the run in `folder` says; `found` are its tables, made anew if None.
+
+    Raises `RunFolderError` for a folder without cells.
+    """
     run = RunFolder(folder)
     cells = run.cells()
     problems = run.problems()
     if not cells:
-        found = "; ".join(problems) or "no cells here; give the folder that `causalbench run` wrote"
-        raise RunFolderError(f"{folder}: {found}")
-    tables = Results(**{name: _grouped(frame) for name, frame in vars(frames_of(cells, run.stated())).items()})
-    return Source(run, cells, tables, problems, run.sessions(), run.known_gaps())
+        reason = "; ".join(problems) or "no cells here; give the folder that `causalbench run` wrote"
+        raise RunFolderError(f"{folder}: {reason}")
+    frames = vars(frames_of(tables(cells, run.stated()) if found is None else found))
+    grouped = Results(**{name: _grouped(frame) for name, frame in frames.items()})
+    return Source(run, cells, grouped, problems, run.sessions(), run.known_gaps())
 
 
 def _grouped(frame: pd.DataFrame) -> pd.DataFrame:
