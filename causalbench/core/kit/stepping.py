@@ -35,10 +35,18 @@ def check_settled(facts: Facts, layout: Layout) -> None:
     off = max(
         np.abs(facts.eef_position - layout.eef_position).max(),
         np.abs(facts.object_position - layout.target.position).max(),
+        *(
+            float(np.abs(place - box.position).max())
+            for place, box in zip(facts.other_positions, layout.others, strict=True)
+        ),
     )
     turned = max(
         float(rotations.angle_between(facts.eef_quaternion, layout.eef_quaternion)),
         float(rotations.angle_between(facts.object_quaternion, layout.target.quaternion)),
+        *(
+            float(rotations.angle_between(posture, box.quaternion))
+            for posture, box in zip(facts.other_quaternions, layout.others, strict=True)
+        ),
     )
     if not (off <= SETTLE_POSITION and turned <= SETTLE_ANGLE):  # also when something is not finite
         raise UnreachableLayoutError(

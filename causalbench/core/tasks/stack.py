@@ -64,10 +64,17 @@ def draw_layout(rng: np.random.Generator, workspace: Workspace, max_opening: flo
     else:
         aside = C.tolerance_xy * (2.0 * unit[5:7] - 1.0)
         goal = place + np.append(aside, C.rest + unit[4] * (C.carry - C.rest))
+    return _held(layout, goal, C.off_centre * (2.0 * unit[7] - 1.0))
+
+
+def _held(layout: Layout, goal: Array, along: float) -> Layout:
+    """`layout` with the box at `goal` in the hand, which is turned as the hand is and held `along` m off its middle."""
+    turn = rotations.multiply(layout.eef_quaternion, rotations.conjugate(rotations.FACE_DOWN))
+    hand = goal + rotations.rotate(turn, np.array([along, 0.0, grasping.C.grasp_height]))
     return dataclasses.replace(
         layout,
-        target=dataclasses.replace(box, position=goal),
-        eef_position=layout.eef_position + goal - box.position,
+        target=dataclasses.replace(layout.target, position=goal, quaternion=rotations.canonical(turn)),
+        eef_position=hand,
         gripper_opening=WIDTH - C.squeezed,
     )
 
@@ -96,9 +103,9 @@ def offset(facts: Facts) -> Array:
     return facts.object_position - facts.other_positions[..., 0, :] - PLACE
 
 
-def _beside(away: Array) -> NDArray[np.bool_]:
+def _above(away: Array, tolerance: float) -> NDArray[np.bool_]:
     """(...) whether a box `away` (..., 3) from its place is above it, however high."""
-    inside: NDArray[np.bool_] = (np.abs(away[..., :2]) < C.tolerance_xy).all(-1)
+    inside: NDArray[np.bool_] = (np.abs(away[..., :2]) < tolerance).all(-1)
     return inside
 
 
@@ -106,14 +113,14 @@ def stage(facts: Facts) -> NDArray[np.int64]:
     """U(s), int (...), 1 to 6: a memoryless function, so that progress can reverse."""
     away = offset(facts)
     low = (away[..., 2] > -C.sunk) & (away[..., 2] < np.where(facts.holding, C.carry + C.tolerance_carry, C.rest))
-    placing = _beside(away) & low
+    placing = _above(away, C.tolerance_xy) & low
     return np.where(placing, PLACING, np.where(facts.holding, CARRY, pure.stage(facts)))
 
 
 def released(facts: Facts) -> NDArray[np.bool_]:
     """(...) whether the box lies in its place and the fingers are clear of it."""
     away = offset(facts)
-    there = _beside(away) & (np.abs(away[..., 2]) < C.rest)
+    there = _above(away, C.tolerance_rest) & (np.abs(away[..., 2]) < C.rest)
     clear = facts.gripper_opening > WIDTH + C.clear
     far = np.linalg.norm(facts.eef_position - facts.object_position, axis=-1) > 2 * WIDTH
     free: NDArray[np.bool_] = there & ~facts.holding & (clear | far)
@@ -205,9 +212,9 @@ def expert(facts: Facts, spec: SceneSpec, layout: Layout | Sequence[Layout] | No
     out, u = pure.expert(facts, spec, layout), stage(facts)
     speed = dict(zip(spec.actions, spec.action_speed, strict=True))
     gain, yaw, way = grasping.C.expert_gain / spec.control_dt, facts.base_pose[..., 2], -offset(facts)
-    across = (u == CARRY) & (way[..., 2] < -C.rises)
     goal_z = way[..., 2] + np.where(u == CARRY, C.carry, 0.0)
     placed = (u == PLACING) & (~facts.holding | (goal_z > -C.lands))
+    across = ((u == CARRY) & (way[..., 2] < -C.rises)) | ((u == PLACING) & ~placed)
     after = np.zeros_like(out)
     after[..., 0] = across * (np.cos(yaw) * way[..., 0] + np.sin(yaw) * way[..., 1]) * gain / speed["armx"]
     after[..., 1] = across * (np.cos(yaw) * way[..., 1] - np.sin(yaw) * way[..., 0]) * gain / speed["army"]

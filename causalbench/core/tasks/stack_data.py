@@ -23,10 +23,12 @@ class Constants(NamedTuple):
     carry: float = 0.05  # of the box above its place, to which it is lifted on the way there
     tolerance_carry: float = 0.02
     tolerance_xy: float = 0.02  # of the box beside its place, each world axis
+    tolerance_rest: float = 0.03  # likewise, where it is let go: it slips as the fingers open
     sunk: float = 0.01  # of the box below its place, at most
     rest: float = 0.012  # of the box above its place, within which it is released
     clear: float = 0.008  # wider than the box are the fingers that let go of it
     squeezed: float = 0.014  # narrower than the box is the opening of a start that holds it
+    off_centre: float = 0.01  # of the hand along the box, either way, there
     lowest: float = 0.05  # of the box above the table, from which a start of stage 5 may have carried it aside
     highest: float = 0.12  # likewise, at most
     on_the_way: float = 0.7  # share of the way to its place that it has come at most there

@@ -52,8 +52,8 @@ class HingeArmScene(MujocoScene[World]):
         )
         super().__init__(spec, make_world(1), STARTS, STROKE)
 
-    def build(self, n_fixtures: int) -> World:
-        """A new world."""
+    def build(self, n_fixtures: int, n_others: int) -> World:
+        """A new world; without `Capability.SEVERAL_OBJECTS` there are no others."""
         return make_world(n_fixtures)
 
     def pose(self, joints: Array, finger: float) -> None:

@@ -12,7 +12,7 @@ from causalbench.backend import fetch
 from causalbench_mujoco import contacts, fetch_model
 from causalbench_mujoco.arms import HAND
 from causalbench_mujoco.bases import hold_velocity
-from causalbench_mujoco.boxes import TARGET, TARGET_COLOUR, TARGET_FRICTION, add_fixtures
+from causalbench_mujoco.boxes import OTHER, TARGET, TARGET_COLOUR, TARGET_FRICTION, add_fixtures, add_others
 from causalbench_mujoco.engine import mujoco
 from causalbench_mujoco.fetch_model import FINGERS
 
@@ -32,8 +32,8 @@ ARM_LINKS = ("shoulder", "upperarm", "elbow", "forearm", "wrist", "grip")
 BASE_BITS, FLOOR_BITS, ALL_BITS = 1, 2, 3
 
 
-def build(timestep: float, n_fixtures: int, drives: bool) -> mujoco.MjModel:
-    """Fetch, a floor, one free box and `n_fixtures` static boxes of placeholder sizes; whether the base drives."""
+def build(timestep: float, n_fixtures: int, n_others: int, drives: bool) -> mujoco.MjModel:
+    """Fetch, a floor, the target with `n_others` beside it, and `n_fixtures` static boxes; whether the base drives."""
     spec = fetch_model.load()
     spec.option.timestep = timestep
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST  # explicit damping of stiff servos diverges
@@ -43,7 +43,7 @@ def build(timestep: float, n_fixtures: int, drives: bool) -> mujoco.MjModel:
     _drive_arm(spec)
     _drive_fingers(spec)
     _shape_contacts(spec)
-    _furnish(spec, n_fixtures)
+    _furnish(spec, n_fixtures, n_others)
     return spec.compile()
 
 
@@ -117,7 +117,7 @@ def _shape_contacts(spec: mujoco.MjSpec) -> None:
             geom.group = 2  # drawn by default, and apart from the world for rays
 
 
-def _furnish(spec: mujoco.MjSpec, n_fixtures: int) -> None:
+def _furnish(spec: mujoco.MjSpec, n_fixtures: int, n_others: int) -> None:
     floor = spec.geom("floor0")
     floor.size, floor.pos, floor.contype, floor.conaffinity = [0, 0, 1], [0, 0, 0], FLOOR_BITS, FLOOR_BITS
     spec.delete(spec.body("floor0"))
@@ -127,6 +127,7 @@ def _furnish(spec: mujoco.MjSpec, n_fixtures: int) -> None:
     box = spec.geom(TARGET)
     box.friction, box.condim, box.contype, box.conaffinity = TARGET_FRICTION, 4, ALL_BITS, ALL_BITS
     box.material, box.rgba = "", TARGET_COLOUR
+    add_others(spec, n_others, contype=ALL_BITS, conaffinity=ALL_BITS)
 
 
 def geom_classes(model: mujoco.MjModel) -> NDArray[np.int64]:
@@ -140,4 +141,6 @@ def geom_classes(model: mujoco.MjModel) -> NDArray[np.int64]:
             classes[i] = contacts.ARM if is_arm(body) else contacts.BASE
         elif body == TARGET:
             classes[i] = contacts.TARGET
+        elif body.startswith(OTHER):
+            classes[i] = contacts.OTHER
     return classes

@@ -19,10 +19,10 @@ Array = NDArray[np.float64]
 
 
 class FetchWorld(World):
-    """Fetch among `n_fixtures` fixtures, on a base that `drives` or stands."""
+    """Fetch among `n_fixtures` fixtures, with `n_others` boxes beside the target, on a base that `drives` or stands."""
 
-    def __init__(self, timestep: float, n_fixtures: int, drives: bool = False) -> None:
-        model = build(timestep, n_fixtures, drives)
+    def __init__(self, timestep: float, n_fixtures: int, n_others: int = 0, drives: bool = False) -> None:
+        model = build(timestep, n_fixtures, n_others, drives)
         data = mujoco.MjData(model)
         base = JointBase(model, data, BASE_JOINTS, BASE_JOINTS, drives)
         chain, gap = arm_chain(model, ARM_JOINTS), closed_gap(model, FINGERS)
@@ -37,13 +37,13 @@ class FetchWorld(World):
 
 
 class GymrobScene(MujocoScene[FetchWorld]):
-    """Fetch and one free box among fixtures.
+    """Fetch and free boxes among fixtures.
 
     With `mobile` its base drives; then the box may be a mark, and there is a LiDAR.
     """
 
     def __init__(self, control_hz: float = 10.0, timestep: float = 0.005, mobile: bool = False) -> None:
-        world = FetchWorld(timestep, 1, mobile)
+        world = FetchWorld(timestep, 1, drives=mobile)
         opening = world.gap + 2 * fetch.FINGER_STROKE
         spec = arm_spec(
             "gymrob", __version__, "Fetch", fetch.WORKSPACE, opening, control_hz, timestep, CAPABILITIES
@@ -52,8 +52,8 @@ class GymrobScene(MujocoScene[FetchWorld]):
             spec = base_following.driving_spec(spec, fetch.CARRY, lidar.POSITION)
         super().__init__(spec, world, fetch.ARM_STARTS, fetch.FINGER_STROKE)
 
-    def build(self, n_fixtures: int) -> FetchWorld:
-        return FetchWorld(self.spec.timestep, n_fixtures, self._drives)
+    def build(self, n_fixtures: int, n_others: int) -> FetchWorld:
+        return FetchWorld(self.spec.timestep, n_fixtures, n_others, self._drives)
 
     def pose(self, joints: Array, finger: float) -> None:
         w = self.world

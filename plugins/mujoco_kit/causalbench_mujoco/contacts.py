@@ -10,10 +10,10 @@ from causalbench.backend import HOLDING_FORCE, compiled, kernels
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-FIXTURE, BASE, ARM, LEFT, RIGHT, TARGET = range(6)
+FIXTURE, BASE, ARM, LEFT, RIGHT, TARGET, OTHER = range(7)
 """Classes of geoms. LEFT and RIGHT are the fingers; ARM is the arm and the palm, BASE what else the robot is made of.
 
-The floor is a fixture.
+The floor is a fixture. OTHER is a free box beside the target, which is no collision, either.
 """
 
 
@@ -46,14 +46,14 @@ def pad_forces(
 def _contact_flags(geoms: NDArray[np.int32], classes: Indices, out: NDArray[np.bool_]) -> None:
     """`out` (3,) = the base touches a fixture, the arm touches a fixture, the robot touches itself.
 
-    `geoms` (ncon, 2) are all contacts, and all touch: no margin. The object does not count, nor do closed
+    `geoms` (ncon, 2) are all contacts, and all touch: no margin. Free objects do not count, nor do closed
     fingers that touch each other.
     """
     out[:] = False
     for i in range(geoms.shape[0]):
         a, b = classes[geoms[i, 0]], classes[geoms[i, 1]]
         low, high = min(a, b), max(a, b)
-        if high == TARGET or (low == LEFT and high == RIGHT):
+        if high >= TARGET or (low == LEFT and high == RIGHT):
             continue
         if low >= BASE:
             out[2] = True

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from abc import abstractmethod
 from collections.abc import Sequence
 from importlib import metadata
@@ -26,6 +27,7 @@ from causalbench.backend import (
     check_action,
     check_layout,
     find_camera,
+    rotations,
     stepping,
 )
 from causalbench_mujoco import contacts
@@ -73,8 +75,22 @@ def arm_spec(
     )
 
 
+def squeeze(layout: Layout) -> float:
+    """Metres by which the opening of a start is narrower than the box that the hand is around; 0 where it is none.
+
+    Such a start holds the box: fingers begin on its sides and close by as much.
+    """
+    for box in (layout.target, *layout.others):
+        back = rotations.conjugate(box.quaternion)
+        inside = np.abs(rotations.rotate(back, layout.eef_position - box.position)) < box.half_extents
+        if inside.all():
+            along = rotations.rotate(rotations.multiply(back, layout.eef_quaternion), np.array([0.0, 1.0, 0.0]))
+            return max(2.0 * float(np.abs(along) @ box.half_extents) - layout.gripper_opening, 0.0)
+    return 0.0
+
+
 class MujocoScene(Scene, Generic[WorldT]):
-    """A robot and one free box among fixtures, kept after `mj_step1`: poses and contacts are those of the state.
+    """A robot and free boxes among fixtures, kept after `mj_step1`: poses and contacts are those of the state.
 
     A backend says how to make a world (`build`), how to pose its arm (`pose`) and how to control it (`advance`,
     `opening`). `memory` (n_memory,) is its own to use for what its control remembers beside MuJoCo's state: snapshots
@@ -102,8 +118,8 @@ class MujocoScene(Scene, Generic[WorldT]):
         self._use(world)
 
     @abstractmethod
-    def build(self, n_fixtures: int) -> WorldT:
-        """A new world with that many fixtures."""
+    def build(self, n_fixtures: int, n_others: int) -> WorldT:
+        """A new world with that many fixtures and free boxes beside the target."""
 
     @abstractmethod
     def pose(self, joints: Array, finger: float) -> None:
@@ -135,10 +151,13 @@ class MujocoScene(Scene, Generic[WorldT]):
         world.base.place(layout.base_pose)
         if self._drives:
             self._reference[:] = layout.base_pose
-        self.pose(joints, min(max((layout.gripper_opening - world.gap) / 2, 0.0), self._stroke))
-        world.boxes.pose[:3], world.boxes.pose[3:] = layout.target.position, layout.target.quaternion
+        squeezed = squeeze(layout)
+        opening = layout.gripper_opening + squeezed
+        self.pose(joints, min(max((opening - world.gap) / 2, 0.0), self._stroke))
+        world.boxes.put(layout)
         mujoco.mj_step1(world.model, world.data)
-        self._run(np.zeros(len(ARM_ACTIONS)), 1, max(1, round(stepping.SETTLE / self.spec.timestep)))
+        closing = np.append(np.zeros(len(ARM_ACTIONS) - 1), squeezed)
+        self._run(closing, 1, max(1, round(stepping.SETTLE / self.spec.timestep)))
         world.data.time = 0.0
         stepping.check_settled(self.facts(), layout)
 
@@ -173,7 +192,7 @@ class MujocoScene(Scene, Generic[WorldT]):
         contacts.read(
             w.data.contact.geom, w.classes, self._pad_forces, w.hand_position, w.hand_matrix, w.boxes.pose, x, flags
         )
-        return Facts(
+        facts = Facts(
             eef_position=x[0:3],
             eef_quaternion=x[3:7],
             gripper_opening=np.array(self.opening()),
@@ -186,6 +205,11 @@ class MujocoScene(Scene, Generic[WorldT]):
             collision_arm=flags[1],
             collision_self=flags[2],
         )
+        if not w.boxes.other_poses:
+            return facts
+        others = np.array(w.boxes.other_poses)
+        turns = rotations.canonical(others[:, 3:])
+        return dataclasses.replace(facts, other_positions=others[:, :3].copy(), other_quaternions=turns)
 
     def snapshot(self) -> bytes:
         """Layout, MuJoCo's integration state (servo targets included) and what it does not hold."""
@@ -215,18 +239,18 @@ class MujocoScene(Scene, Generic[WorldT]):
 
     @property
     def model(self) -> mujoco.MjModel:
-        """The compiled model, for measurements; a layout with another number of fixtures replaces it."""
+        """The compiled model, for measurements; a layout with other numbers of boxes replaces it."""
         return self.world.model
 
     @property
     def data(self) -> mujoco.MjData:
-        """The simulator's data, for measurements; a layout with another number of fixtures replaces it."""
+        """The simulator's data, for measurements; a layout with other numbers of boxes replaces it."""
         return self.world.data
 
     def _enter(self, layout: Layout) -> None:
-        """Give the world the base and the boxes of `layout`; another number of fixtures needs another model."""
-        if len(layout.fixtures) != self.world.boxes.n_fixtures:
-            self._use(self.build(len(layout.fixtures)))
+        """Give the world the base and the boxes of `layout`; other numbers of boxes need another model."""
+        if not self.world.boxes.fits(layout):
+            self._use(self.build(len(layout.fixtures), len(layout.others)))
         self.world.furnish(layout)
         self.layout = layout
 

@@ -37,9 +37,9 @@ class World:
         self._state = np.empty(mujoco.mj_stateSize(model, STATE))
 
     def furnish(self, layout: Layout) -> None:
-        """Give base and boxes the sizes, masses and places of `layout`; its fixtures are as many as the model's."""
+        """Give base and boxes the sizes, masses and places of `layout`; they are as many as the model's."""
         self.boxes.place(layout.fixtures)
-        if self.boxes.shape(layout.target, layout.target_mass):
+        if self.boxes.shape(layout):
             self.base.place(np.zeros(3))  # so that what is derived does not depend on where the base was before
             mujoco.mj_setConst(self.model, self.data)
         self.base.place(layout.base_pose)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import math
 import os
 import subprocess
 import sys
@@ -13,13 +15,14 @@ import numpy as np
 import pytest
 
 import causalbench_mujoco
-from causalbench.backend import Box, compiled, lidar, rotations
+from causalbench.backend import Box, Layout, compiled, lidar, rotations
 from causalbench.core.world.layout import box_rows
 from causalbench_mujoco import contacts, library
 from causalbench_mujoco.arms import arm_chain, closed_gap
 from causalbench_mujoco.bases import FixedBase, JointBase, hold_velocity
-from causalbench_mujoco.boxes import TARGET, Boxes, add_fixtures, add_target
+from causalbench_mujoco.boxes import OTHER, TARGET, Boxes, add_fixtures, add_others, add_target
 from causalbench_mujoco.rays import Scanner
+from causalbench_mujoco.scene import squeeze
 
 PLACEHOLDER = """
 <mujoco>
@@ -50,6 +53,12 @@ FIXTURES = (
 THING = Box("thing", np.array([0.05, 0.02, 0.03]), np.array([0.6, 0.0, 0.3]), UPRIGHT)
 
 
+def layout(mass: float, *others: Box) -> Layout:
+    return Layout(
+        FIXTURES, THING, mass, np.zeros(3), np.zeros(3), UPRIGHT, 0.1, others=others, other_masses=(0.3,) * len(others)
+    )
+
+
 def model(n_fixtures: int = 2) -> mujoco.MjModel:
     spec = mujoco.MjSpec.from_string(PLACEHOLDER)
     add_fixtures(spec, n_fixtures)
@@ -72,8 +81,8 @@ def test_boxes_that_are_moved_and_resized_are_those_that_the_compiler_makes() ->
     edited = model()
     boxes = Boxes(edited, mujoco.MjData(edited))
     boxes.place(FIXTURES)
-    assert boxes.shape(THING, 0.7)
-    assert not boxes.shape(THING, 0.7)
+    assert boxes.shape(layout(0.7))
+    assert not boxes.shape(layout(0.7))
     spec = mujoco.MjSpec.from_string(PLACEHOLDER)
     for i, box in enumerate(FIXTURES):
         body = spec.worldbody.add_body(name=f"fixture{i}", pos=box.position, quat=box.quaternion)
@@ -90,13 +99,48 @@ def test_boxes_that_are_moved_and_resized_are_those_that_the_compiler_makes() ->
     assert inertia.argmax() == 1  # about y, across its longest sides: the axes are those of the box
 
 
+def test_a_further_box_has_its_own_mass_place_and_class() -> None:
+    spec = mujoco.MjSpec.from_string(PLACEHOLDER)
+    add_fixtures(spec, 2)
+    add_target(spec)
+    add_others(spec, 1)
+    edited = spec.compile()
+    boxes = Boxes(edited, mujoco.MjData(edited))
+    two = layout(0.7, dataclasses.replace(THING, half_extents=np.full(3, 0.04), position=np.array([0.1, 0.2, 0.3])))
+    assert boxes.fits(two)
+    assert not boxes.fits(layout(0.7))
+    assert boxes.shape(two)
+    boxes.put(two)
+    assert (edited.body(TARGET).mass, edited.body(f"{OTHER}0").mass) == (0.7, 0.3)
+    np.testing.assert_allclose(edited.body(f"{OTHER}0").inertia, 0.3 / 3 * 2 * 0.04**2)
+    np.testing.assert_array_equal(boxes.other_poses[0][:3], [0.1, 0.2, 0.3])
+    np.testing.assert_array_equal(boxes.pose[:3], THING.position)
+
+
+@pytest.mark.parametrize(
+    ("shift", "yaw", "opening", "squeezed"),
+    [
+        ([0.0, 0.0, 0.0], 0.0, 0.03, 0.01),  # the box is 0.04 m wide between the fingers
+        ([0.0, 0.0, 0.0], 0.0, 0.05, 0.0),
+        ([0.0, 0.0, 0.031], 0.0, 0.03, 0.0),  # the hand is above it
+        ([0.0, 0.0, 0.0], math.pi / 2, 0.03, 0.07),
+    ],
+)
+def test_a_start_that_is_narrower_than_the_box_in_the_hand_squeezes_it(shift, yaw, opening, squeezed) -> None:
+    down = rotations.multiply(rotations.from_axis_angle(2, yaw), rotations.FACE_DOWN)
+    hand = dataclasses.replace(
+        layout(0.7), eef_position=THING.position + shift, eef_quaternion=down, gripper_opening=opening
+    )
+    assert squeeze(hand) == pytest.approx(squeezed, abs=1e-12)
+
+
 @pytest.mark.parametrize("mass", [0.7, 0.0])
 def test_a_mark_neither_falls_nor_touches(mass: float) -> None:
     edited = model()
     data = mujoco.MjData(edited)
     boxes = Boxes(edited, data)
     boxes.place(FIXTURES)
-    boxes.shape(THING, mass)
+    boxes.shape(layout(mass))
     mujoco.mj_setConst(edited, data)
     boxes.pose[:3] = FIXTURES[0].position  # inside a fixture
     mujoco.mj_step(edited, data, 20)

@@ -8,7 +8,7 @@ import causalbench_mujoco
 from causalbench.backend import Backend, Capability, Scene, Variant, base_following, hookimpl, require
 
 __version__ = "0.1.0"
-CAPABILITIES = frozenset({Capability.EXACT_RESTORE, Capability.PHYSICS, Capability.RGB})
+CAPABILITIES = frozenset({Capability.EXACT_RESTORE, Capability.PHYSICS, Capability.RGB, Capability.SEVERAL_OBJECTS})
 RELEASES = {"pybullet": "==3.2.7", "mujoco": causalbench_mujoco.RELEASES, "gymnasium-robotics": "==1.4.2"}
 """What is known to work; MuJoCo compiles the robot."""
 

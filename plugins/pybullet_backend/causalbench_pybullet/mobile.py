@@ -32,7 +32,7 @@ class MobileWorld(World):
             pb.setCollisionFilterGroupMask(self.robot, link, ROBOT, ALL, **self._at)
         for link in self.base:  # the base rests in the floor
             pb.setCollisionFilterPair(self.robot, self.floor, link, BASE, enableCollision=0, **self._at)
-        if shapes[-1][0] == 0.0:
+        if shapes.masses[0] == 0.0:
             pb.setCollisionFilterGroupMask(self.object, BASE, 0, 0, **self._at)
 
     def place(self, layout: Layout) -> None:

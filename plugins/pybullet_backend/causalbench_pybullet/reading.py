@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.backend import HOLDING_FORCE, kernels
+from causalbench.backend import HOLDING_FORCE, kernels, rotations
 from causalbench_pybullet.engine import pb
 from causalbench_pybullet.robot import Robot
 from causalbench_pybullet.world import World
@@ -18,7 +18,7 @@ _BODY_B, _LINK_A, _DISTANCE, _FORCE = 2, 3, 8, 9  # places in Bullet's contact p
 def read_contacts(world: World) -> tuple[bool, bool, bool, bool]:
     """Whether base and arm touch a thing and the robot itself, and whether both pads press on the object.
 
-    Contacts count that bear force or overlap; Bullet also reports those that are about to be. Touching the object is
+    Contacts count that bear force or overlap; Bullet also reports those that are about to be. Touching an object is
     no collision.
     """
     base = arm = itself = False
@@ -28,7 +28,7 @@ def read_contacts(world: World) -> tuple[bool, bool, bool, bool]:
         if other == world.object:
             if link in forces:
                 forces[link] += force
-        elif force > 0.0 or point[_DISTANCE] <= 0.0:
+        elif other not in world.others and (force > 0.0 or point[_DISTANCE] <= 0.0):
             if other == world.robot:
                 itself = True
             elif link in world.base:
@@ -36,6 +36,13 @@ def read_contacts(world: World) -> tuple[bool, bool, bool, bool]:
             else:
                 arm = True
     return base, arm, itself, min(forces.values()) > HOLDING_FORCE
+
+
+def read_others(world: World) -> tuple[Array, Array]:
+    """Positions (n, 3) and quaternions (n, 4) of the objects beside the target."""
+    poses = [(*position, w, x, y, z) for position, (x, y, z, w) in world.other_poses()]
+    table = np.array(poses)
+    return table[:, :3].copy(), rotations.canonical(table[:, 3:])
 
 
 def read_poses(world: World, robot: Robot) -> Array:

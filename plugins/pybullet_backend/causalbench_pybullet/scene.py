@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from importlib import metadata
 
 import numpy as np
@@ -26,7 +27,7 @@ from causalbench.backend import (
     stepping,
 )
 from causalbench_pybullet import CAPABILITIES, __version__, robot
-from causalbench_pybullet.reading import read_contacts, read_poses
+from causalbench_pybullet.reading import read_contacts, read_others, read_poses
 from causalbench_pybullet.world import World, shapes_of
 
 Array = NDArray[np.float64]
@@ -36,7 +37,7 @@ N_ARM = len(fetch.JOINTS)
 
 
 class PybulletScene(Scene):
-    """Fetch and one free box among fixtures. The base stands still; arm and fingers follow motor targets."""
+    """Fetch and free boxes among fixtures. The base stands still; arm and fingers follow motor targets."""
 
     world_type: type[World] = World
 
@@ -117,7 +118,7 @@ class PybulletScene(Scene):
     def facts(self) -> Facts:
         """What holds now. Contacts are those that the last substep was solved with, all else is the state after it."""
         x, flags, base = read_poses(self.world, self._robot), self._flags, self._read_base()
-        return Facts(
+        facts = Facts(
             eef_position=x[0:3],
             eef_quaternion=x[3:7],
             gripper_opening=x[14],
@@ -130,6 +131,10 @@ class PybulletScene(Scene):
             collision_arm=flags[1],
             collision_self=flags[2],
         )
+        if not self.world.others:
+            return facts
+        positions, quaternions = read_others(self.world)
+        return dataclasses.replace(facts, other_positions=positions, other_quaternions=quaternions)
 
     def _read_base(self) -> Array:
         """Pose and velocity (5,) of the base, which stands where it was put."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 import weakref
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,6 @@ from causalbench_pybullet.engine import pb
 from causalbench_pybullet.robot import Robot
 
 Array = NDArray[np.float64]
-Shapes = tuple[tuple[float, ...], ...]
 
 GRAVITY = -9.81  # m/s2
 FINGER_FORCE = 20.0  # N each; at 60 N and long timesteps the fingers sink into the object
@@ -27,14 +26,26 @@ GEAR_FORCE, GEAR_ERP = 500.0, 0.5  # of the constraint that keeps the fingers mi
 UNDAMPED = {"linearDamping": 0.0, "angularDamping": 0.0}
 FINGER_JOINTS = ("l_gripper_finger_joint", "r_gripper_finger_joint")
 APART = 50.0  # m
+OBJECT_COLOUR, OTHER_COLOUR = (0.85, 0.2, 0.1, 1.0), (0.1, 0.4, 0.8, 1.0)
 NEAR, FAR = 0.05, 20.0  # m, of what a picture shows
 BASE = -1  # Bullet's index of a body's first link
 
 
+class Shapes(NamedTuple):
+    """What a world is built for: half extents of the boxes, and the masses of the free ones, the object's first."""
+
+    fixtures: tuple[tuple[float, ...], ...]
+    objects: tuple[tuple[float, ...], ...]
+    masses: tuple[float, ...]
+
+
 def shapes_of(layout: Layout) -> Shapes:
-    """What a world is built for: the sizes of the boxes, the object's last, and its mass."""
-    boxes = (*layout.fixtures, layout.target)
-    return (*(tuple(box.half_extents.tolist()) for box in boxes), (layout.target_mass,))
+    """That of `layout`."""
+    fixtures, objects = (
+        tuple(tuple(box.half_extents.tolist()) for box in boxes)
+        for boxes in (layout.fixtures, (layout.target, *layout.others))
+    )
+    return Shapes(fixtures, objects, (layout.target_mass, *layout.other_masses))
 
 
 class World:
@@ -66,9 +77,11 @@ class World:
                 self.robot, self.robot, self.links[first], self.links[second], enableCollision=0, **self._at
             )
         self._drive()
-        self.fixtures = [self._box(size, 0.0, (0.75, 0.7, 0.62, 1.0)) for size in shapes[:-2]]
-        self.object = self._box(shapes[-2], shapes[-1][0], (0.85, 0.2, 0.1, 1.0))
-        pb.changeDynamics(self.object, BASE, **OBJECT_FRICTION, **UNDAMPED, **self._at)
+        self.fixtures = [self._box(size, 0.0, (0.75, 0.7, 0.62, 1.0)) for size in shapes.fixtures]
+        self.object, *self.others = (
+            self._object(size, mass, OTHER_COLOUR if i else OBJECT_COLOUR)
+            for i, (size, mass) in enumerate(zip(shapes.objects, shapes.masses, strict=True))
+        )
 
     def _drive(self) -> None:
         """Rid the joints of Bullet's default damping and tie the fingers together, so that the grip stays centred."""
@@ -87,6 +100,11 @@ class World:
         self._gains = [ARM_GAIN] * n + [FINGER_GAIN] * len(self.fingers)
         self._zeros, self._ones = [0.0] * len(self.joints), [1.0] * len(self.joints)
 
+    def _object(self, half_extents: tuple[float, ...], mass: float, colour: tuple[float, ...]) -> int:
+        body = self._box(half_extents, mass, colour)
+        pb.changeDynamics(body, BASE, **OBJECT_FRICTION, **UNDAMPED, **self._at)
+        return body
+
     def _box(self, half_extents: tuple[float, ...], mass: float, colour: tuple[float, ...]) -> int:
         shape = pb.createCollisionShape(pb.GEOM_BOX, halfExtents=half_extents, **self._at)
         visual = pb.createVisualShape(pb.GEOM_BOX, halfExtents=half_extents, rgbaColor=colour, **self._at)
@@ -98,13 +116,16 @@ class World:
         x, y, yaw = layout.base_pose.tolist()
         turn = (0.0, 0.0, float(np.sin(yaw / 2)), float(np.cos(yaw / 2)))
         pb.resetBasePositionAndOrientation(self.robot, (x, y, 0.0), turn, **self._at)
-        for body, box in zip((*self.fixtures, self.object), (*layout.fixtures, layout.target), strict=True):
+        objects = self.object, *self.others
+        boxes = (*layout.fixtures, layout.target, *layout.others)
+        for body, box in zip((*self.fixtures, *objects), boxes, strict=True):
             self._put(body, box)
-        pb.resetBaseVelocity(self.object, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), **self._at)
+        for body in objects:
+            pb.resetBaseVelocity(body, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), **self._at)
 
     def _forget_contacts(self) -> None:
         """Part all bodies and let Bullet see it, so that nothing depends on contacts that were before."""
-        for i, body in enumerate((self.robot, self.object, *self.fixtures)):
+        for i, body in enumerate((self.robot, self.object, *self.fixtures, *self.others)):
             pb.resetBasePositionAndOrientation(body, (0.0, 0.0, APART * (i + 1)), (0.0, 0.0, 0.0, 1.0), **self._at)
         pb.performCollisionDetection(**self._at)
 
@@ -146,6 +167,10 @@ class World:
     def object_pose(self) -> Any:
         """Position (3) and quaternion (x, y, z, w) of the object."""
         return pb.getBasePositionAndOrientation(self.object, self.client)
+
+    def other_poses(self) -> list[Any]:
+        """The same of the objects beside it."""
+        return [pb.getBasePositionAndOrientation(body, self.client) for body in self.others]
 
     def contacts(self) -> Any:
         """Bullet's contact points of the robot: those that the last timestep was solved with."""

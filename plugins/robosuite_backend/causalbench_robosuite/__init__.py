@@ -7,7 +7,7 @@ from collections.abc import Callable
 from causalbench.backend import Backend, Capability, Scene, Variant, base_following, hookimpl, require
 
 __version__ = "0.1.0"
-CAPABILITIES = frozenset({Capability.EXACT_RESTORE, Capability.PHYSICS, Capability.RGB})
+CAPABILITIES = frozenset({Capability.EXACT_RESTORE, Capability.PHYSICS, Capability.RGB, Capability.SEVERAL_OBJECTS})
 RELEASES = {"mujoco": "==3.3.*", "robosuite": "==1.5.2"}
 """What is known to work: the release whose models and controller are taken, and MuJoCo's whose inertia is read."""
 

@@ -18,7 +18,7 @@ from causalbench.backend import variable_by_default
 from causalbench_mujoco import contacts
 from causalbench_mujoco.arms import HAND
 from causalbench_mujoco.bases import hold_velocity
-from causalbench_mujoco.boxes import TARGET, add_fixtures, add_target
+from causalbench_mujoco.boxes import OTHER, TARGET, add_fixtures, add_others, add_target
 from causalbench_mujoco.engine import mujoco
 
 Array = NDArray[np.float64]
@@ -104,9 +104,9 @@ def stock_xml(name: str) -> str:
     return xml
 
 
-def build(timestep: float, n_fixtures: int, drives: bool) -> mujoco.MjModel:
+def build(timestep: float, n_fixtures: int, n_others: int, drives: bool) -> mujoco.MjModel:
     """The Panda on its mount in the world of `assemble`; if it `drives`, the PandaOmron instead."""
-    spec = assemble("PandaOmron" if drives else "Panda", timestep, n_fixtures)
+    spec = assemble("PandaOmron" if drives else "Panda", timestep, n_fixtures, n_others)
     if drives:
         _drive_base(spec)
     return spec.compile()
@@ -125,13 +125,13 @@ def _drive_base(spec: mujoco.MjSpec) -> None:
         hold_velocity(spec.actuator(servo), kv)
 
 
-def assemble(robot: str, timestep: float, n_fixtures: int) -> mujoco.MjSpec:
-    """A robot, a floor, one free box and `n_fixtures` static boxes `fixture0`..., all of placeholder sizes."""
+def assemble(robot: str, timestep: float, n_fixtures: int, n_others: int = 0) -> mujoco.MjSpec:
+    """A robot, a floor, the target, `n_others` free boxes and `n_fixtures` static ones, all of placeholder sizes."""
     spec = mujoco.MjSpec.from_string(stock_xml(robot))
     spec.option.timestep = timestep
     # The declared inertias of hand and fingers are those of boxes a metre wide: their drag in air would be 4 N m.
     spec.option.density = spec.option.viscosity = 0.0
-    _furnish(spec, n_fixtures)
+    _furnish(spec, n_fixtures, n_others)
     strip(spec)
     for name, sign in zip(FINGER_SERVOS, (1.0, -1.0), strict=True):
         spec.actuator(name).ctrlrange = sorted(sign * bound for bound in FINGER_RANGE)
@@ -159,20 +159,21 @@ def strip(spec: mujoco.MjSpec) -> None:
     grip.parent.add_site(name=HAND, pos=grip.pos, quat=[half, 0.0, 0.0, -half], group=4)
 
 
-def _furnish(spec: mujoco.MjSpec, n_fixtures: int) -> None:
+def _furnish(spec: mujoco.MjSpec, n_fixtures: int, n_others: int) -> None:
     """Fixtures take the contact parameters of the arena's table, which they replace."""
     table = next(geom for geom in spec.geoms if geom.name == "table_collision")
     friction, solref, solimp = list(table.friction), list(table.solref), list(table.solimp)
     spec.delete(spec.body("table"))
     add_fixtures(spec, n_fixtures, friction=friction, solref=solref, solimp=solimp)
     add_target(spec)
+    add_others(spec, n_others)
     for geom in spec.geoms:
         geom.group = 0 if geom.group == 0 else 1  # both are drawn
         body = geom.parent.name
         geom.material = ""  # textures cost half of a picture, and collision shapes have signal colours
         if body.startswith((ROBOT, GRIPPER)):
             geom.rgba = [0.25, 0.25, 0.28, 1.0] if body.startswith(GRIPPER) else [0.9, 0.9, 0.88, 1.0]
-        elif not geom.name.startswith(("fixture", TARGET)):
+        elif not geom.name.startswith(("fixture", TARGET, OTHER)):
             floor = geom.type == mujoco.mjtGeom.mjGEOM_PLANE
             geom.rgba = [0.4, 0.4, 0.4, 1.0] if floor else [0.6, 0.6, 0.65, 1.0]
             if floor:
@@ -188,6 +189,8 @@ def geom_classes(model: mujoco.MjModel) -> Indices:
         body = model.body(model.geom_bodyid[i])
         if body.name == TARGET:
             classes[i] = contacts.TARGET
+        elif body.name.startswith(OTHER):
+            classes[i] = contacts.OTHER
         elif "finger" in body.name:
             classes[i] = (
                 contacts.LEFT

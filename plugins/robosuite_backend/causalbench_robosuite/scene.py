@@ -50,13 +50,13 @@ def mobile_workspace() -> Workspace:
 
 
 class RobosuiteScene(MujocoScene[PandaWorld]):
-    """The Panda and one free box among fixtures.
+    """The Panda and free boxes among fixtures.
 
     With `mobile` it is the PandaOmron, whose base drives; then the box may be a mark, and there is a LiDAR.
     """
 
     def __init__(self, control_hz: float = 10.0, timestep: float = 0.002, mobile: bool = False) -> None:
-        world = PandaWorld(timestep, 1, mobile)
+        world = PandaWorld(timestep, 1, drives=mobile)
         robot, workspace = ("PandaOmron", mobile_workspace()) if mobile else ("Panda", WORKSPACE)
         opening = world.gap + 2 * FINGER_STROKE
         spec = arm_spec("robosuite", __version__, robot, workspace, opening, control_hz, timestep, CAPABILITIES)
@@ -67,8 +67,8 @@ class RobosuiteScene(MujocoScene[PandaWorld]):
         self.reference = structs.Reference(joints, finger, np.zeros(3), np.eye(3))
         self._law = structs.Law(*gains(), UNCOUPLED, LEAD, TURN_LEAD, GRIP_LEAD)
 
-    def build(self, n_fixtures: int) -> PandaWorld:
-        return PandaWorld(self.spec.timestep, n_fixtures, self._drives)
+    def build(self, n_fixtures: int, n_others: int) -> PandaWorld:
+        return PandaWorld(self.spec.timestep, n_fixtures, n_others, self._drives)
 
     def pose(self, joints: Array, finger: float) -> None:
         w = self.world

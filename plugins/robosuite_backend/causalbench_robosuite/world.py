@@ -17,10 +17,13 @@ Indices = NDArray[np.int64]
 
 
 class PandaWorld(World):
-    """The Panda among `n_fixtures` fixtures, on its mount or, if it `drives`, on the PandaOmron's base."""
+    """The Panda among `n_fixtures` fixtures, with `n_others` boxes beside the target.
 
-    def __init__(self, timestep: float, n_fixtures: int, drives: bool = False) -> None:
-        model = panda.build(timestep, n_fixtures, drives)
+    It is on its mount or, if it `drives`, on the PandaOmron's base.
+    """
+
+    def __init__(self, timestep: float, n_fixtures: int, n_others: int = 0, drives: bool = False) -> None:
+        model = panda.build(timestep, n_fixtures, n_others, drives)
         data = mujoco.MjData(model)
         self.robot = robot_addresses(model)
         base: Base = FixedBase(model, panda.ROOT)

@@ -72,7 +72,7 @@ def test_a_dropped_box_falls_back_to_where_the_hand_is(worlds):
         ([0.0, 0.0, 0.003], True, 0.05, False),
         ([0.0, 0.0, 0.003], False, 0.031, False),  # the fingers are not clear of it
         ([0.0, 0.0, 0.013], False, 0.05, False),  # it would fall
-        ([0.03, 0.0, 0.003], False, 0.05, False),
+        ([0.031, 0.0, 0.003], False, 0.05, False),
     ],
 )
 def test_success_is_a_box_in_its_place_that_was_let_go(worlds, away, holding, opening, done):
