@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import time
 from pathlib import Path
 
 import pytest
@@ -61,4 +62,21 @@ def test_elsewhere_a_tenth_is_a_line(cells: tuple[Cell, ...], tmp_path: Path) ->
         f"2 of 3 cells to run in {tmp_path}",
         "cmSAC on kinematic, seed 0: 50% stage [2], success 0.25, 3.50 reversals per 1000 steps",
         "mSAC on kinematic, seed 0: failed after 2.0 s: the arm [fell] off",
+        "1 of 2 cells to go, about 0 s",
     ]
+
+
+def test_the_time_left_is_that_of_the_cells_so_far(
+    cells: tuple[Cell, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now = [1_000.0]
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
+    output = console(False)
+    view = LineView(output)
+    view.begin(cells, cells, RunFolder(tmp_path))
+    for took in (600.0, 1_400.0, 1.0):
+        now[0] += took
+        view.on_outcome(cells[0], Status("done", "", took))
+    assert isinstance(output.file, io.StringIO)
+    left = [line for line in output.file.getvalue().splitlines() if "to go" in line]
+    assert left == ["2 of 3 cells to go, about 20 min", "1 of 3 cells to go, about 17 min"]

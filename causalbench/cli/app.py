@@ -15,12 +15,12 @@ from causalbench._version import __version__
 from causalbench.cli.backends import backends, check, doctor, new_backend, new_task
 from causalbench.cli.discover import discover
 from causalbench.cli.options import EXIT_FAILED, EXIT_MISTAKE, EXIT_UNEXPECTED
-from causalbench.cli.results import leaderboard, play, report, reversals, transfer, verify
+from causalbench.cli.results import leaderboard, play, report, reversals, status, transfer, verify
 from causalbench.cli.run import plan, run
 from causalbench.errors import CausalbenchError, UserError
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
-READERS = (leaderboard, report, play, reversals, transfer, verify)
+READERS = (status, leaderboard, report, play, reversals, transfer, verify)
 for command in (run, plan, discover, *READERS, backends, check, new_backend, new_task, doctor):
     app.command()(command)
 

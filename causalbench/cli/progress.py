@@ -56,9 +56,11 @@ class LineView:
     def __init__(self, console: Console) -> None:
         self.console = console
         self.tenths: dict[str, int] = {}
+        self.started, self.to_do, self.ended = 0.0, 0, 0
 
     def begin(self, cells: Sequence[Cell], to_do: Sequence[Cell], run: RunFolder) -> None:
         """Say how much there is to do."""
+        self.started, self.to_do, self.ended = time.monotonic(), len(to_do), 0
         self._print(f"{len(to_do)} of {len(cells)} cells to run in {run.path}")
 
     def on_progress(self, cell: Cell, progress: Progress) -> None:
@@ -69,10 +71,13 @@ class LineView:
             self._print(f"{label(cell)}: {10 * tenth}% {progress.text}{_figures(progress)}")
 
     def on_outcome(self, cell: Cell, status: Status) -> None:
-        """Print how the cell ended."""
-        self._print(
-            f"{label(cell)}: {status.state} after {status.seconds:.1f} s{': ' * bool(status.reason)}{status.reason}"
-        )
+        """Print how the cell ended, and when the rest will have at the speed so far."""
+        self.ended += 1
+        reason = f"{': ' * bool(status.reason)}{status.reason}"
+        self._print(f"{label(cell)}: {status.state} after {status.seconds:.1f} s{reason}")
+        if left := self.to_do - self.ended:
+            seconds = (time.monotonic() - self.started) / self.ended * left
+            self._print(f"{left} of {self.to_do} cells to go, about {duration(seconds)}")
 
     def end(self) -> None:
         """Nothing."""
@@ -131,8 +136,14 @@ class TableView:
     def _left(self, cell: Cell, progress: Progress) -> str:
         if progress.fraction < 0.02:
             return ""
-        seconds = (time.monotonic() - self.started[cell.id]) * (1 / progress.fraction - 1)
-        return f"{seconds / 60:.1f} min" if seconds >= 60 else f"{seconds:.0f} s"
+        return duration((time.monotonic() - self.started[cell.id]) * (1 / progress.fraction - 1))
+
+
+def duration(seconds: float) -> str:
+    """Such as 40 s, 12 min, 3.5 h."""
+    if seconds < 60:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 3600 else f"{seconds / 3600:.1f} h"
 
 
 def label(cell: Cell) -> str:

@@ -1,4 +1,4 @@
-"""Commands that read run folders: `leaderboard`, `report`, `play`, `reversals`, `transfer`, `verify`."""
+"""Commands that read run folders: `status`, `leaderboard`, `report`, `play`, `reversals`, `transfer`, `verify`."""
 
 from __future__ import annotations
 
@@ -35,6 +35,25 @@ def leaderboard(
         print_hypotheses(verdicts)
         print_leaderboard(rows)
         print_known_gaps(folders)
+
+
+def status(
+    run: Annotated[Path, typer.Argument(help="Run folder, also of a run in another process or on another node.")],
+    as_json: AsJson = False,
+) -> None:
+    """Say how far a run is, what is left, what failed and who works on it."""
+    import dataclasses
+
+    from causalbench.cli.terminal_tables import print_problems, print_status
+    from causalbench.run.watch import run_status
+    from causalbench.store.run_folder import RunFolder
+
+    print_problems([RunFolder(run)])
+    found = run_status(RunFolder(run))
+    if as_json:
+        print_json(dataclasses.asdict(found))
+    else:
+        print_status(found)
 
 
 def report(

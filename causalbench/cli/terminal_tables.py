@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from rich.markup import escape
 from rich.table import Table
 
+from causalbench.cli.progress import duration
 from causalbench.cli.visible import VisibleConsole
 from causalbench.core.discovery.graph import CausalGraph, StageGraph
 from causalbench.plugins.backends import Variant
@@ -20,6 +21,7 @@ from causalbench.store.run_folder import RunFolder
 
 if TYPE_CHECKING:
     from causalbench.run.verify import Verdict
+    from causalbench.run.watch import RunStatus
 
 Row = Mapping[str, Any]
 
@@ -123,6 +125,22 @@ def print_plan(rows: Sequence[Row], folder: Path, jobs: int) -> None:
         _print("No estimate for some cells: no such cell has run in this folder yet.")
     else:
         _print(f"About {sum(left) / jobs / 60:.1f} minutes left, {jobs} cells at a time.")
+
+
+def print_status(found: RunStatus) -> None:
+    """How a run stands: a line in all, one for each running cell, two for each that ended badly."""
+    states = ", ".join(f"{number} {state}" for state, number in found.states.items())
+    left = "" if found.left is None else f", about {duration(found.left)} left"
+    _print(f"{found.folder}: {100 * found.fraction:.0f}% of {found.planned} cells ({states}){left}")
+    who = f"held by {found.holder}" if found.holder else "nobody works on it; `causalbench run` goes on with it"
+    _print(f"  {who}")
+    for cell in found.running:
+        rest = "" if cell.left is None or not found.holder else f", {duration(cell.left)} left"
+        name = f"{cell.method} on {cell.backend}, seed {cell.seed}"
+        _print(f"  {name}: {100 * cell.fraction:.0f}% {cell.text}{rest}")
+    for failure in found.failures:
+        _print(f"  {failure.cell} {failure.state}: {failure.reason}")
+        _print(f"    {failure.log}")
 
 
 def print_graph(graph: CausalGraph, folder: Path) -> None:

@@ -20,6 +20,7 @@ from causalbench.plugins.manager import Plugins, installed
 from causalbench.plugins.venues import worlds_maker
 from causalbench.run.score_graph import judge_graph
 from causalbench.run.tensorboard import Board
+from causalbench.store.cell_progress import ProgressFile
 from causalbench.store.cells import CHECKPOINT, DATA, LOG, State, Status
 from causalbench.store.episodes import write_episodes
 from causalbench.store.records import write_counts, write_progress
@@ -67,13 +68,14 @@ def run_cell(
     """
     folder = run.folder(cell)
     started = time.monotonic()
-    with _logging_to(folder / LOG):
+    with _logging_to(folder / LOG), closing(ProgressFile(folder)) as kept:
+        tell = _telling(kept, on_progress)
         try:
             use_one_thread()
             if isinstance(cell, DiscoveryCell):
-                steps = _discover(cell, folder, on_progress, cores)
+                steps = _discover(cell, folder, tell, cores)
             else:
-                steps = _learn(cell, folder, run, on_progress, keeping, stop_asked)
+                steps = _learn(cell, folder, run, tell, keeping, stop_asked)
             status = Status("done", "", time.monotonic() - started, steps, source_of(cell, installed()))
         except StoppedError as error:
             LOGGER.info("%s", error)
@@ -85,6 +87,16 @@ def run_cell(
             status = Status(state, f"{kind}{error}", time.monotonic() - started)
     run.finish(cell, status)
     return status
+
+
+def _telling(kept: ProgressFile, on_progress: OnProgress) -> OnProgress:
+    """`on_progress`, and the cell's file for whoever watches from elsewhere."""
+
+    def tell(progress: Progress) -> None:
+        kept.write(progress.fraction, progress.text)
+        on_progress(progress)
+
+    return tell
 
 
 def source_of(cell: Cell, plugins: Plugins) -> str:

@@ -87,7 +87,8 @@ def run_plan(
         _skip(plan, run)
         cells = to_do(plan, run, execution.retry)
         if cells:
-            run.add_session(describe_environment(plugins, sorted({cell.backend.name for cell in plan.cells})))
+            session = describe_environment(plugins, sorted({cell.backend.name for cell in plan.cells}))
+            run.add_session(session | {"cells": len(plan.cells)})
         started = execution.outcomes(cells, run, view)
         try:
             view.begin(plan.cells, cells, run)

@@ -20,6 +20,7 @@ from causalbench.core.learners.records import Episode, Evaluation
 from causalbench.errors import DamagedFileError
 from causalbench.names import PATTERN
 from causalbench.store.beside import BESIDE, read_beside
+from causalbench.store.cell_progress import PROGRESS
 from causalbench.store.episodes import read_episodes
 from causalbench.store.files import check_digests, digests, is_file, is_folder, read_json, validated
 from causalbench.store.records import Counts, read_counts, read_effects, read_progress
@@ -37,7 +38,7 @@ POLICY = "policy"
 """The folder of a finished learner's policy, which may be left out of what is published."""
 KINDS = {"learner": "cells", "discovery": "discovery"}
 """Kind of a cell -> the folder that such cells lie in."""
-NO_RESULTS = frozenset({CELL, STATUS, LOG, CHECKPOINT, DATA, *BESIDE, "figures", "tensorboard"})
+NO_RESULTS = frozenset({CELL, STATUS, LOG, CHECKPOINT, PROGRESS, DATA, *BESIDE, "figures", "tensorboard"})
 """What may lie in a cell's folder without being a result; samples have digests of their own."""
 RESULTS = {
     "learner": frozenset({"progress.csv", "episodes.csv", "counts.json"}),

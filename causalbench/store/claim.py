@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import os
+import socket
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Literal
 
@@ -12,9 +16,9 @@ from filelock import FileLock, Timeout
 from causalbench import formats
 from causalbench.atomic import sweep, write_json
 from causalbench.errors import DamagedFileError, RunFolderError
-from causalbench.store.files import is_file, is_folder, read_json
+from causalbench.store.files import is_file, is_folder, read_json, validated
 
-LOCK, MARKER = ".lock", "run.json"
+LOCK, MARKER, HOLDER = ".lock", "run.json", ".holder.json"
 Kind = Literal["run", "discovery"]
 """What a folder is for: all that a suite asks for, or the discovery of `causalbench discover`."""
 
@@ -37,9 +41,48 @@ def claim(folder: Path, kind: Kind, known: bool = False) -> Iterator[None]:
         if not _is_marked(folder, kind):
             write_json(folder / MARKER, {"schema": formats.RUN, "kind": kind})
         sweep(folder)
+        write_json(folder / HOLDER, asdict(Holder(os.getpid(), socket.gethostname(), _now())))
         yield
     finally:
+        with suppress(OSError):  # the folder may be gone
+            (folder / HOLDER).unlink(missing_ok=True)
         lock.release()
+
+
+@dataclass(frozen=True)
+class Holder:
+    """The command that holds a folder: its process, the machine, and when it began, UTC."""
+
+    pid: int
+    host: str
+    began: str
+
+    def __str__(self) -> str:
+        return f"process {self.pid} on {self.host}, since {self.began}"
+
+
+def holder(folder: Path) -> Holder | None:
+    """Who holds `folder` now; None if nobody does. One that was killed holds nothing; the answer is of this instant."""
+    if not is_file(folder / LOCK):
+        return None
+    try:
+        with FileLock(folder / LOCK).acquire(blocking=False):
+            return None
+    except Timeout:
+        return _said_by_holder(folder)
+    except OSError:  # a folder that only others may write to
+        return _said_by_holder(folder) if is_file(folder / HOLDER) else None
+
+
+def _said_by_holder(folder: Path) -> Holder:
+    try:
+        return validated(folder / HOLDER, Holder, read_json(folder / HOLDER))
+    except DamagedFileError:  # not written yet
+        return Holder(0, "an unknown machine", "just now")
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="seconds")
 
 
 def own_folder(path: Path) -> Path:
@@ -77,5 +120,8 @@ def _lock(folder: Path) -> FileLock:
     try:
         lock.acquire(blocking=False)
     except Timeout as error:
-        raise RunFolderError(f"{folder}: another command is running here; wait or choose another --out") from error
+        who = _said_by_holder(folder)
+        raise RunFolderError(
+            f"{folder}: another command is running here ({who}); wait or choose another --out"
+        ) from error
     return lock

@@ -20,6 +20,8 @@ COLUMNS = (
     "return",
 )  # fmt: skip
 """The columns of every task; one for the return of each reward term follows."""
+LONGEST = 1_000_000
+"""Steps that a stage trace has at most: a file from a stranger must not fill the memory."""
 RUN = re.compile(r"([1-9][0-9]*)x([1-9][0-9]*)")
 
 
@@ -30,14 +32,12 @@ def run_lengths(stages: Sequence[int]) -> str:
 
 def stage_trace(text: str) -> tuple[int, ...]:
     """The stage of every step, which `run_lengths` made a text of. Raises `ValueError` for any other text."""
-    runs = [RUN.fullmatch(run) for run in text.split(" ")]
-    return tuple(stage for run in runs for stage in _expanded(run, text))
-
-
-def _expanded(run: re.Match[str] | None, text: str) -> tuple[int, ...]:
-    if run is None:
+    runs = [(int(run[1]), int(run[2])) for run in map(RUN.fullmatch, text.split(" ")) if run]
+    if len(runs) != text.count(" ") + 1:
         raise ValueError(f"{text!r} is no stage trace such as '1x12 2x5'")
-    return int(run[2]) * (int(run[1]),)
+    if sum(length for _, length in runs) > LONGEST:
+        raise ValueError(f"a stage trace of more than {LONGEST} steps")
+    return tuple(stage for stage, length in runs for _ in range(length))
 
 
 def episode_row(episode: Episode) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from stored import finished
 
 from causalbench.atomic import TEMPORARY
 from causalbench.errors import RunFolderError
-from causalbench.store.claim import claim
+from causalbench.store.claim import claim, holder
 from causalbench.store.run_folder import RunFolder
 
 
@@ -29,10 +29,13 @@ def everything(folder: Path) -> dict[str, bytes | str | None]:
 
 
 def test_a_folder_is_for_one_command_at_a_time(tmp_path: Path) -> None:
-    with RunFolder(tmp_path).claim(), pytest.raises(RunFolderError, match="another command is running here"):
+    with RunFolder(tmp_path).claim(), pytest.raises(RunFolderError, match=rf"running here \(process {os.getpid()} on "):
         RunFolder(tmp_path).claim().__enter__()
     with RunFolder(tmp_path).claim():
-        pass
+        found = holder(tmp_path)
+        assert found is not None
+        assert found.pid == os.getpid()
+    assert holder(tmp_path) is None
 
 
 def test_a_killed_command_lets_go_of_its_folder(tmp_path: Path) -> None:
@@ -41,6 +44,7 @@ def test_a_killed_command_lets_go_of_its_folder(tmp_path: Path) -> None:
         "with RunFolder(Path(sys.argv[1])).claim(): os.kill(os.getpid(), 9)"
     )
     assert subprocess.run([sys.executable, "-c", code, str(tmp_path)]).returncode == -9
+    assert holder(tmp_path) is None
     with RunFolder(tmp_path).claim():
         pass
 

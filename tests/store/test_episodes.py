@@ -26,6 +26,12 @@ def test_what_is_no_trace_is_refused(text: str) -> None:
         stage_trace(text)
 
 
+@pytest.mark.parametrize("text", ["1x1000001", "1x999999 2x2", f"1x{'9' * 5000}"])
+def test_a_trace_that_would_fill_the_memory_is_refused(text: str) -> None:
+    with pytest.raises(ValueError, match=r"limit|more than 1000000 steps"):
+        stage_trace(text)
+
+
 def test_episodes_come_back_bit_for_bit_and_pandas_reads_them(tmp_path: Path) -> None:
     played = [
         episode("1x3 2x5 1x2 3x1", 4, held=True, returns={"r_a": 1 / 3, "r_b": -1e-17}),
