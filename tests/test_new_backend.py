@@ -39,6 +39,7 @@ def test_it_passes_check_as_generated(folder: Path) -> None:
     assert {name: sum(check["outcome"] == name for check in checks) for name in OUTCOMES} == OUTCOMES
 
 
+@pytest.mark.long
 def test_its_own_tests_are_the_contract(folder: Path) -> None:
     done = call(folder, folder / "site", "pytest", "-q", "-p", "no:cacheprovider", "-k", "s01 or s13 or s16 or s36")
     assert f"3 passed, 1 skipped, {len(CHECKS) - 4} deselected" in done.stdout, done.stdout

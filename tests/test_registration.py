@@ -102,7 +102,7 @@ def make_by_id(link: Any, env_id: str) -> None:
     link.send(gymnasium.make(env_id).spec.kwargs["task"])
 
 
-@pytest.mark.parametrize("method", ["spawn", "forkserver", "fork"])
+@pytest.mark.parametrize("method", ["spawn", pytest.param("forkserver", marks=pytest.mark.long), "fork"])
 def test_an_id_that_names_the_module_works_in_any_process(method: str) -> None:
     context = multiprocessing.get_context(method)
     here, there = context.Pipe()

@@ -93,8 +93,8 @@ def run(backend, name, path=None, kill_at=None, make_scene=None, **changes):
         ("kinematic", "cSAC"),
         ("kinematic", "cmmPPO"),
         ("kinematic", "mPPO"),
-        ("gymrob", "cSAC"),
         ("pybullet", "cmmSAC"),
+        pytest.param("gymrob", "cSAC", marks=pytest.mark.long),
     ],
 )
 def test_stopped_anywhere_and_repeated_gives_the_same_bits(backend, name, tmp_path):

@@ -124,6 +124,7 @@ def test_the_oracles_graph_has_its_strong_edges_and_declares_what_it_could_not_t
         np.testing.assert_array_equal(stage.matrix, own.matrix)
 
 
+@pytest.mark.long
 def test_the_oracle_is_asked_about_actions_held_as_long_as_those_of_the_discovery():
     make_counting, counts = counting(make)
     method, make_worlds = METHOD["cmSAC-oracle"], worlds_of(TASK, make_counting)

@@ -175,9 +175,9 @@ def flat(policy) -> torch.Tensor:
     ("task_name", "method"),
     [
         ("pure_manipulation", "cmmSAC"),
-        ("pure_manipulation", "cmmPPO"),
         ("mobile_manipulation", "cmmPPO"),
-        ("mobile_manipulation", "cSAC"),
+        pytest.param("pure_manipulation", "cmmPPO", marks=pytest.mark.long),
+        pytest.param("mobile_manipulation", "cSAC", marks=pytest.mark.long),
     ],
 )
 def test_it_trains_is_killed_and_continues_and_its_policy_is_read_back(

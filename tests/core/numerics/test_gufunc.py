@@ -21,6 +21,7 @@ def _start(cache: Path, others: int) -> subprocess.Popen[bytes]:
     return subprocess.Popen([sys.executable, "-c", START, str(others)], env=environment)
 
 
+@pytest.mark.long
 def test_processes_that_compile_together_leave_a_usable_cache(tmp_path: Path) -> None:
     together = [_start(tmp_path, others) for others in (0, 1, 2)]
     assert [process.wait() for process in together] == [0] * 3
