@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from causalbench.registration import make_env
     from causalbench.report.frames import load_results
     from causalbench.report.html.page import write_report
+    from causalbench.running import run_suite
 
 _HOMES = {
     "DiscoverySettings": "causalbench.core.discovery.settings",
@@ -36,6 +37,7 @@ _HOMES = {
     "load_policy": "causalbench.core.learners.policy",
     "load_results": "causalbench.report.frames",
     "make_env": "causalbench.registration",
+    "run_suite": "causalbench.running",
     "train": "causalbench.api",
     "write_report": "causalbench.report.html.page",
 }
@@ -52,6 +54,7 @@ __all__ = [
     "load_policy",
     "load_results",
     "make_env",
+    "run_suite",
     "train",
     "write_report",
 ]

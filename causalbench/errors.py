@@ -84,5 +84,9 @@ class RunFolderError(UserError):
     """Raised when a run folder cannot be written, is in use, or holds what cannot be compared with the new cells."""
 
 
+class UnfinishedRunError(CausalbenchError):
+    """Raised at the end of a run in which a cell failed, diverged, took too long or was skipped; says which and why."""
+
+
 class DamagedFileError(RunFolderError):
     """Raised when a file of a run folder is missing, cut off, or not the one that was written."""

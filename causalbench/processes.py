@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import multiprocessing
 import multiprocessing.connection
@@ -13,7 +14,8 @@ import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Callable, Sequence
+import types
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
@@ -35,6 +37,15 @@ class ProcessDiedError(RuntimeError):
 def cores() -> int:
     """Cores that this process may use."""
     return len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
+
+
+def use_one_thread_each() -> None:
+    """One thread for each process that is started from here on, since sums must not depend on how many there are.
+
+    For this process, too, if numpy has not been imported yet.
+    """
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
 
 
 @dataclass
@@ -86,6 +97,20 @@ def start(method: Method, function: Callable[..., None], *arguments: Any) -> Chi
     process.start()
     far_end.close()
     return Child(process, link)
+
+
+@contextlib.contextmanager
+def without_main() -> Iterator[None]:
+    """Processes that are started within do not import this one's main module, which is a person's script.
+
+    For functions and arguments that come from modules of their own.
+    """
+    main = sys.modules["__main__"]
+    sys.modules["__main__"] = types.ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = main
 
 
 def preload(modules: Sequence[str]) -> None:

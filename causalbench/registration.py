@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from causalbench.errors import UserError
+
 if TYPE_CHECKING:
+    import gymnasium
+
     from causalbench.core.staged.env import StageTaskEnv
     from causalbench.core.staged.observation import Observe
 
@@ -38,6 +42,20 @@ def make_env(
     )
     env = StageTaskEnv(make_worlds(), render_mode, observe_gripper, observe, features)
     env.make_worlds = make_worlds
+    return env
+
+
+def within_horizon(env: gymnasium.Env[Any, Any]) -> gymnasium.Env[Any, Any]:
+    """`env` itself, as `gymnasium.make` made it, around which it has put the time limit `max_episode_steps`, if any.
+
+    Raises `UserError` for a limit above the task's horizon, which would end no episode.
+    """
+    limit, task = env.spec and env.spec.max_episode_steps, env.get_wrapper_attr("task")
+    if limit is not None and limit > task.horizon:
+        raise UserError(
+            f"max_episode_steps={limit}: an episode of {task.name!r} ends after {task.horizon} control steps, its "
+            "horizon, which is part of the task; give at most that, or a task of your own"
+        )
     return env
 
 

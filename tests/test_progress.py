@@ -9,9 +9,10 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from causalbench.cli.progress import LineView, QuietView, TableView, choose_view
+from causalbench.cli.progress import LineView, TableView, choose_view
 from causalbench.plugins.manager import load_plugins
 from causalbench.run.cell import Progress
+from causalbench.run.view import Silent
 from causalbench.store.cells import Status
 from causalbench.store.run_folder import RunFolder
 from causalbench.suite.cells import Cell
@@ -41,7 +42,7 @@ def shown(view: LineView | TableView, cells: tuple[Cell, ...], run: RunFolder, o
 def test_the_view_fits_the_output() -> None:
     assert isinstance(choose_view(False, console(True)), TableView)
     assert isinstance(choose_view(False, console(False)), LineView)
-    assert isinstance(choose_view(True, console(True)), QuietView)
+    assert isinstance(choose_view(True, console(True)), Silent)
 
 
 def test_a_terminal_shows_one_line_per_cell(cells: tuple[Cell, ...], tmp_path: Path) -> None:

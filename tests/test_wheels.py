@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 import zipfile
@@ -49,6 +50,17 @@ def test_the_wheel_has_every_suite(wheels: list[Path]) -> None:
     (core,) = [path for path in wheels if path.name.startswith("causalbench_robotics-")]
     there = {name for name in zipfile.ZipFile(core).namelist() if name.startswith("causalbench/suites/")}
     assert there == {f"causalbench/suites/{path.name}" for path in ROOT.glob("suites/*.yaml")}
+
+
+@pytest.mark.long
+def test_the_documentation_is_in_the_wheel_and_its_links_lead_somewhere(site: Path, tmp_path: Path) -> None:
+    shown = call(site, tmp_path, "-m", "causalbench", "--help")
+    assert str(site / "causalbench" / "docs" / "index.md") in "".join(shown.split())
+    pages = sorted((site / "causalbench" / "docs").rglob("*.md"))
+    assert len(pages) == len(list((ROOT / "docs").rglob("*.md")))
+    for page in pages:
+        for target in re.findall(r"\]\(([^)\s#]+)[^)]*\)", page.read_text()):
+            assert re.match("https?:", target) or target.endswith(".csv") or (page.parent / target).exists(), page
 
 
 @pytest.mark.long

@@ -18,8 +18,10 @@ from causalbench.cli.options import EXIT_FAILED, EXIT_MISTAKE, EXIT_UNEXPECTED
 from causalbench.cli.results import leaderboard, play, report, reversals, status, transfer, verify
 from causalbench.cli.run import plan, run
 from causalbench.errors import CausalbenchError, UserError
+from causalbench.pages import page
 
-app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
+EPILOG = f"Documentation: {page('index.md')}"
+app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, epilog=EPILOG)
 READERS = (status, leaderboard, report, play, reversals, transfer, verify)
 for command in (run, plan, discover, *READERS, backends, check, new_backend, new_task, doctor):
     app.command()(command)

@@ -8,11 +8,11 @@ from typing import Annotated, Any
 
 import typer
 
-from causalbench.cli.execution import execute, use_one_thread_each
+from causalbench.cli.execution import execute
 from causalbench.cli.options import EXIT_FAILED, BackendOptions, named_values
 from causalbench.core.discovery.settings import DiscoverySettings
 from causalbench.errors import UserError
-from causalbench.processes import cores
+from causalbench.processes import cores, use_one_thread_each
 
 DEFAULT = DiscoverySettings().discoverer
 
@@ -26,7 +26,7 @@ def discover(
         list[str] | None, typer.Option("--set", help="A setting, any discoverer's or its own: name=value (repeatable).")
     ] = None,
     option: BackendOptions = None,
-    seed: Annotated[int, typer.Option(min=0)] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the samples and of the models.")] = 0,
     oracle: Annotated[bool, typer.Option("--oracle", help="Score it against counterfactuals from snapshots.")] = False,
     data: Annotated[
         Path | None, typer.Option(help="Folder `data` of an earlier discovery: use its samples, run no simulator.")

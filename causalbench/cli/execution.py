@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 from types import FrameType
 from typing import TYPE_CHECKING
@@ -18,12 +17,6 @@ if TYPE_CHECKING:
     from causalbench.suite.schema import SuiteFile
 
 
-def use_one_thread_each() -> None:
-    """A cell has one core, and sums must not depend on how many there are: call this before numpy is imported."""
-    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(name, "1")
-
-
 def _interrupt(number: int, frame: FrameType | None) -> None:
     """What schedulers send is what Ctrl-C is."""
     raise KeyboardInterrupt
@@ -35,22 +28,14 @@ def execute(plan: Plan, folder: RunFolder, file: SuiteFile, execution: Execution
     from causalbench.cli.terminal_tables import print_problems, progress_console
     from causalbench.plugins.manager import installed
     from causalbench.run.session import run_plan
+    from causalbench.running import write_all
 
     view = choose_view(quiet, progress_console())
-
-    def report() -> None:  # imports scipy, pandas and matplotlib, which cells need not wait for
-        from causalbench.report.figures import write_run_figures
-        from causalbench.report.html.page import write_page
-        from causalbench.report.tables import write_tables
-
-        found = write_tables(folder)
-        write_run_figures(folder)
-        write_page(folder, found)
 
     print_problems([folder])
     before = signal.signal(signal.SIGTERM, _interrupt)
     try:
-        run_plan(plan, folder, file, installed(), execution, view, report)
+        run_plan(plan, folder, file, installed(), execution, view, lambda: write_all(folder))
     except KeyboardInterrupt:
         typer.echo("stopped; the same command continues with what is missing", err=True)
         raise typer.Exit(EXIT_INTERRUPTED) from None

@@ -12,7 +12,7 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 
 from causalbench.run.cell import Progress
-from causalbench.run.view import View
+from causalbench.run.view import Silent, View
 from causalbench.store.cells import Status
 from causalbench.store.run_folder import RunFolder
 from causalbench.suite.cells import Cell, DiscoveryCell
@@ -30,24 +30,8 @@ COLOURS = {
 def choose_view(quiet: bool, console: Console) -> View:
     """The view that fits `console`."""
     if quiet:
-        return QuietView()
+        return Silent()
     return TableView(console) if console.is_terminal else LineView(console)
-
-
-class QuietView:
-    """Shows nothing."""
-
-    def begin(self, cells: Sequence[Cell], to_do: Sequence[Cell], run: RunFolder) -> None:
-        """Nothing."""
-
-    def on_progress(self, cell: Cell, progress: Progress) -> None:
-        """Nothing."""
-
-    def on_outcome(self, cell: Cell, status: Status) -> None:
-        """Nothing."""
-
-    def end(self) -> None:
-        """Nothing."""
 
 
 class LineView:

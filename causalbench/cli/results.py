@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from causalbench.cli.execution import use_one_thread_each
 from causalbench.cli.options import EXIT_FAILED, AsJson, Jobs, Only, print_json
 from causalbench.cli.visible import visible
-from causalbench.processes import cores
+from causalbench.processes import cores, use_one_thread_each
 
 if TYPE_CHECKING:
     from causalbench.store.run_folder import RunFolder

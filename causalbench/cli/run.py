@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from enum import StrEnum
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from causalbench.cli.execution import execute, use_one_thread_each
+from causalbench.cli.execution import execute
 from causalbench.cli.options import (
     EXIT_FAILED,
     AsJson,
@@ -22,12 +21,11 @@ from causalbench.cli.options import (
     print_json,
 )
 from causalbench.cli.until_decided import execute_until_decided
-from causalbench.processes import cores
+from causalbench.processes import cores, use_one_thread_each
 
 if TYPE_CHECKING:
     from causalbench.store.run_folder import RunFolder
     from causalbench.suite.plan import Plan
-    from causalbench.suite.schema import SuiteFile
 
 
 class ExecutorOption(StrEnum):
@@ -73,10 +71,11 @@ def run(
     from causalbench.run.cell import Keeping
     from causalbench.run.session import Execution
     from causalbench.run.tensorboard import summary_writer
+    from causalbench.running import planned
 
     if tensorboard:
         summary_writer()  # says at once if it is missing
-    plan, folder, file = _plan(suite, tier, seeds, only, out)
+    plan, folder, file = planned(suite, tier, out, seeds, only or ())
     seconds = None if timeout is None else 60 * timeout
     keeping = Keeping(checkpoint_every, tensorboard)
     options = named_values(slurm or (), "--slurm", "time=240")
@@ -103,8 +102,9 @@ def plan(
     """Show what `run` would do, with times estimated from cells that have run."""
     from causalbench.cli.terminal_tables import print_plan, print_problems
     from causalbench.run.session import estimate_seconds, status_in
+    from causalbench.running import planned
 
-    chosen, folder, _ = _plan(suite, tier, seeds, only, out)
+    chosen, folder, _ = planned(suite, tier, out, seeds, only or ())
     print_problems([folder])
     estimates = estimate_seconds(chosen, folder)
     rows = [
@@ -120,20 +120,6 @@ def plan(
         print_json({"out": str(folder.path), "cells": rows})
     else:
         print_plan(rows, folder.path, jobs or cores())
-
-
-def _plan(
-    suite: Path, tier: str, seeds: int | None, only: list[str] | None, out: Path | None
-) -> tuple[Plan, RunFolder, SuiteFile]:
-    from causalbench.plugins.manager import installed
-    from causalbench.store.run_folder import RunFolder
-    from causalbench.suite.plan import make_plan
-    from causalbench.suite.schema import load_suite
-    from causalbench.suite.shipped import find_suite
-
-    file = load_suite(find_suite(suite), installed())
-    plan = make_plan(file, tier, installed(), seeds, only or ())
-    return plan, RunFolder(out or Path("runs") / f"{file.suite.name}-{tier}"), file
 
 
 def _print_run(plan: Plan, folder: RunFolder, as_json: bool) -> None:

@@ -82,6 +82,7 @@ CHECKS = (
     Check(copies.s51_picture_in_a_thread, (Capability.RGB,)),
     Check(copies.s52_picture_after_a_fork, (Capability.RGB,)),
     Check(contact.s53_hand_in_the_world, ("armz", "grip")),
+    Check(contact.s54_self_collision, (Capability.PHYSICS, *ARM_ACTIONS)),
 )
 """The contract, in the order of its numbers."""
 

@@ -33,12 +33,15 @@ def register_envs() -> None:
     An id that Gymnasium refuses is a plugin's mistake: it is logged and stops nothing.
     """
     import gymnasium
+    from gymnasium.envs.registration import WrapperSpec
 
+    checked = (WrapperSpec("WithinHorizon", "causalbench.registration:within_horizon", {}),)
     for env_id, task in environment_ids().items():
         if env_id in gymnasium.registry:
             continue
         try:
-            gymnasium.register(env_id, entry_point="causalbench.registration:make_env", kwargs={"task": task})
+            make = "causalbench.registration:make_env"
+            gymnasium.register(env_id, make, kwargs={"task": task}, additional_wrappers=checked)
         except gymnasium.error.Error as error:
             logging.getLogger(__name__).warning("environment id %r of task %r: %s", env_id, task, error)
 

@@ -1,12 +1,11 @@
 """The data dictionary: what each column of each CSV file means, and the columns of each file in order.
 
-A name means the same in every file. `python -m causalbench.report.columns` makes `docs/reference/tables.md` of it.
+A name means the same in every file. `docs/reference/make.py` makes `docs/reference/tables.md` of it.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Literal
 
 DType = Literal["string", "Int64", "Float64"]
@@ -316,7 +315,7 @@ FURTHER = {
 PAGE = """\
 # Tables
 
-Made by `python -m causalbench.report.columns` from [columns.py](../../causalbench/report/columns.py). A name means the
+Made by `python docs/reference/make.py` from [columns.py](../../causalbench/report/columns.py). A name means the
 same in every file; an empty cell is a missing value. `causalbench.load_results(folder)` gives the files of a run as
 pandas frames with these dtypes.
 """
@@ -331,7 +330,3 @@ def page() -> str:
         parts += [f"| `{name}` | {found.dtype} | {found.unit} | {found.sentence} |\n" for name, found in columns]
         parts.append(f"\n{FURTHER[file]}\n" if file in FURTHER else "")
     return "".join(parts)
-
-
-if __name__ == "__main__":
-    Path("docs/reference/tables.md").write_text(page(), encoding="utf-8")

@@ -25,3 +25,19 @@ class View(Protocol):
 
     def end(self) -> None:
         """No more is coming."""
+
+
+class Silent:
+    """Shows nothing."""
+
+    def begin(self, cells: Sequence[Cell], to_do: Sequence[Cell], run: RunFolder) -> None:
+        """Nothing."""
+
+    def on_progress(self, cell: Cell, progress: Progress) -> None:
+        """Nothing."""
+
+    def on_outcome(self, cell: Cell, status: Status) -> None:
+        """Nothing."""
+
+    def end(self) -> None:
+        """Nothing."""

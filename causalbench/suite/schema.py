@@ -32,8 +32,8 @@ class _Model(BaseModel):
 class Layer(_Model):
     """Settings by name, of the learners and of their evaluation."""
 
-    learner: dict[str, Any] = {}
-    evaluation: dict[str, Any] = {}
+    learner: dict[str, Any] = {}  # of every learner that has the key, or NAME: {...} for one learner
+    evaluation: dict[str, Any] = {}  # when and how learners are evaluated
 
 
 class PerMethod(Layer):
@@ -43,19 +43,19 @@ class PerMethod(Layer):
 class DiscoveryLayer(Layer):
     """Settings by name, of causal discovery, too."""
 
-    discovery: dict[str, Any] = {}
+    discovery: dict[str, Any] = {}  # of every discoverer, and NAME: {...} for one discoverer's own
 
 
 class PerBackend(DiscoveryLayer):
     """What differs for one backend; `options` go to its `make`."""
 
-    options: dict[str, str | int | float | bool] = {}
+    options: dict[str, str | int | float | bool] = {}  # keyword arguments of the backend's `make`
 
 
 class TierBackend(DiscoveryLayer):
     """What differs for one backend in one tier."""
 
-    env_steps: int | None = Field(default=None, gt=0, le=MAX_STEPS)
+    env_steps: int | None = Field(default=None, gt=0, le=MAX_STEPS)  # of training there, in place of the tier's
 
 
 class Tier(DiscoveryLayer):
@@ -64,11 +64,13 @@ class Tier(DiscoveryLayer):
     `grid` replaces the suite's, and so does `backends`, which says of each backend what differs there.
     """
 
+    # The backends of this tier in place of the suite's, and what differs in each.
     backends: dict[str, TierBackend] | None = Field(default=None, min_length=1)
-    seeds: int = Field(gt=0, le=MAX_SEEDS)
+    seeds: int = Field(gt=0, le=MAX_SEEDS)  # how many, from `first_seed` on
+    # Of training, in all worlds of a learner together; a suite without methods needs none.
     env_steps: int | None = Field(default=None, gt=0, le=MAX_STEPS)
-    graphs: Graphs | None = None
-    grid: Grid | None = None
+    graphs: Graphs | None = None  # in place of the suite's
+    grid: Grid | None = None  # in place of the suite's
 
 
 class Suite(DiscoveryLayer):
@@ -79,18 +81,20 @@ class Suite(DiscoveryLayer):
     asks for the graphs alone, each seed's. `hypotheses` are judged by a run's report before anything else.
     """
 
-    version: SuiteFormat = Field(alias="schema")
-    name: Name
-    task: str
-    backends: tuple[str, ...] = Field(min_length=1)
-    methods: tuple[str, ...]
-    tiers: dict[Name, Tier] = Field(min_length=1)
+    version: SuiteFormat = Field(alias="schema")  # number of this format
+    name: Name  # of the run folder
+    task: str  # a registered task
+    backends: tuple[str, ...] = Field(min_length=1)  # registered backends, each run by itself
+    methods: tuple[str, ...]  # registered methods; empty: the causal graphs alone
+    tiers: dict[Name, Tier] = Field(min_length=1)  # name of `--tier` -> how much to run
+    # What the run sets out to show, such as `cmSAC > mSAC`: judged before anything else.
     hypotheses: tuple[str, ...] = Field(default=(), max_length=MAX_HYPOTHESES)
-    first_seed: int = Field(default=0, ge=0, le=MAX_SEED)
+    first_seed: int = Field(default=0, ge=0, le=MAX_SEED)  # the tier's other seeds follow it
+    # Whether each seed discovers its own graph; by default seeds share one where there are methods.
     graphs: Graphs | None = None
-    grid: Grid = {}
-    per_method: dict[str, PerMethod] = {}
-    per_backend: dict[str, PerBackend] = {}
+    grid: Grid = {}  # dotted key of a setting -> its values; every combination is run
+    per_method: dict[str, PerMethod] = {}  # method -> what differs for it
+    per_backend: dict[str, PerBackend] = {}  # backend -> what differs there
 
     def graphs_in(self, tier: Tier) -> Graphs:
         """Whether seeds share a graph in `tier`."""

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import causalbench
 from causalbench.errors import UnknownNameError
-
-PACKAGE = Path(causalbench.__file__).parent
-FOLDERS = (PACKAGE / "suites", PACKAGE.parent / "suites")
+from causalbench.pages import TOP
 
 
 def shipped_suites() -> dict[str, Path]:
     """Name -> file of every suite that comes with causalbench."""
-    return {path.stem: path for folder in FOLDERS for path in sorted(folder.glob("*.yaml"))}
+    return {path.stem: path for path in sorted((TOP / "suites").glob("*.yaml"))}
 
 
 def find_suite(given: Path) -> Path:

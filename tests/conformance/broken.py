@@ -238,15 +238,20 @@ class Creeps(Altered):
 
 
 class Falling(Altered):
-    """A free box falls onto the table or the floor; right in every way."""
+    """A free box falls onto the table or the floor, and a hand near the base touches it; right in every way."""
 
     gravity = 9.81
+    near = 0.3  # m
     changes: ClassVar = {"capabilities": SPEC.capabilities | {"physics"}}
 
     def reset(self, layout: Layout) -> None:
         super().reset(layout)
         table = layout.fixtures[0]
         self.own[:] = 0.0, *table.position[:2], *table.half_extents[:2]
+
+    def alter(self, facts: Facts) -> dict[str, Any]:
+        way = facts.eef_position[:2] - facts.base_pose[:2]
+        return {"collision_self": np.bool_(np.linalg.norm(way) < self.near)}
 
     def step(self, action: Array) -> None:
         super().step(action)
@@ -262,6 +267,11 @@ class Falling(Altered):
         if height < support:
             height, self.own[0] = support, 0.0
         self.state[BOX.start + 2] = height
+
+
+class NeverTouchesItself(Falling):
+    def alter(self, facts: Facts) -> dict[str, Any]:
+        return {}
 
 
 class LightBox(Falling):
@@ -623,12 +633,13 @@ BROKEN = {
     "S51": backend(OneThread),
     "S52": backend(OneProcess),
     "S53": backend(Misplaced),
+    "S54": backend(NeverTouchesItself),
 }
 MOBILE_NUMBERS = {"S16", *(f"S{i}" for i in range(40, 48))}
 INTACT = {
-    "kinematic": (backend(make), MOBILE_NUMBERS | {"S21"}),
-    "mobile": (backend(functools.partial(make, mobile=True), MOBILE_SPEC), {"S21"}),
+    "kinematic": (backend(make), MOBILE_NUMBERS | {"S21", "S54"}),
+    "mobile": (backend(functools.partial(make, mobile=True), MOBILE_SPEC), {"S21", "S54"}),
     "falling": (backend(Falling), MOBILE_NUMBERS),
-    "inexact": (backend(Inexact), MOBILE_NUMBERS | {"S21"}),
+    "inexact": (backend(Inexact), MOBILE_NUMBERS | {"S21", "S54"}),
 }
 """Name -> a backend without a fault, and the numbers that do not apply to it."""

@@ -20,7 +20,7 @@ def test_the_tutorial_leads_to_a_green_check(tmp_path: Path) -> None:
     assert len(parts) == 5
     (package / "scene.py").write_text("\n".join(parts))
     source = (package / "__init__.py").read_text()
-    for name, line in re.findall(r"^((?:ENGINE|MODULES|CAPABILITIES)\b).*? = (.*)$", text, re.MULTILINE):
+    for name, line in re.findall(r"^((?:ENGINE|MODULES|CAPABILITIES|KNOWN_GAPS)\b).*? = (.*)$", text, re.MULTILINE):
         source, count = re.subn(rf"^({name}.*?) = .*$", lambda m, v=line: f"{m[1]} = {v}", source, flags=re.MULTILINE)
         assert count == 1
     (package / "__init__.py").write_text(source)
@@ -33,6 +33,7 @@ def test_the_tutorial_leads_to_a_green_check(tmp_path: Path) -> None:
         **{f"S{number}": "mobile_base" for number in range(40, 48)},
         "S43": "lidar",
         **{f"S{number}": "rgb" for number in (48, 51, 52)},
+        "S54": "a hand without an arm",
     }
     assert others.keys() == lacks.keys()
     assert all(lacks[number] in message for number, message in others.items())

@@ -1,4 +1,4 @@
-"""The data dictionary: every column of every file of a run is in it, the page is made of it, frames follow it."""
+"""The data dictionary: every column of every file of a run is in it, frames follow it."""
 
 from __future__ import annotations
 
@@ -10,10 +10,8 @@ import pytest
 
 import causalbench
 from causalbench.errors import RunFolderError
-from causalbench.report.columns import COLUMNS, FURTHER, TABLES, page
+from causalbench.report.columns import COLUMNS, FURTHER, TABLES
 from causalbench.store.beside import BESIDE
-
-ROOT = Path(__file__).parents[2]
 
 
 def header(path: Path) -> list[str]:
@@ -24,10 +22,6 @@ def test_every_name_is_explained_once_and_every_explanation_is_of_a_column() -> 
     assert {name for names in TABLES.values() for name in names} == COLUMNS.keys()
     assert all(len(set(names)) == len(names) for names in TABLES.values())
     assert all(column.sentence.endswith(".") for column in COLUMNS.values())
-
-
-def test_the_page_is_made_of_the_dictionary() -> None:
-    assert (ROOT / "docs/reference/tables.md").read_text() == page()
 
 
 def test_a_run_has_these_files_with_these_columns_and_no_others(finished_run: Path) -> None:

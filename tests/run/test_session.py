@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 from stacking import STACKING
 
-from causalbench.cli.progress import QuietView
 from causalbench.core.world.capabilities import Capability
 from causalbench.plugins.manager import Plugins, installed, load_plugins
 from causalbench.report.tables import write_tables
 from causalbench.run.cell import Keeping
 from causalbench.run.session import Execution, run_plan, status_in, to_do
+from causalbench.run.view import Silent
 from causalbench.store.run_folder import RunFolder
 from causalbench.suite.plan import make_plan
 from causalbench.suite.schema import load_suite
@@ -53,7 +53,7 @@ def test_a_backend_that_cannot_run_the_task_is_skipped_and_the_rest_runs(
     assert to_do(plan, run, retry=True) == [kinematic]
     assert status_in(plan, run, standing).state == "skipped"  # known before anything has run
     execution = Execution("serial", 1, None, False, Keeping())
-    run_plan(plan, run, file, plugins, execution, QuietView(), lambda: write_tables(run))
+    run_plan(plan, run, file, plugins, execution, Silent(), lambda: write_tables(run))
     assert (run.status(kinematic).state, run.status(standing).state) == ("done", "skipped")
     reason = run.status(standing).reason
     assert reason.startswith(f"backend 'standing' cannot run task '{task}'")

@@ -97,6 +97,40 @@ def s53_hand_in_the_world(bench: Bench) -> None:
     )
 
 
+FOLDS: tuple[dict[str, float], ...] = (
+    {"armx": -1.0, "armry": -1.0},
+    {"armx": -1.0, "armry": 1.0},
+    {"armx": -1.0, "armz": 1.0},
+    {"armx": -1.0, "armz": -0.3},
+    {"armry": 1.0},
+)
+"""What folds an arm against itself or its base: actions, each held for some seconds."""
+FOLD_SECONDS = 4.0
+
+
+def s54_self_collision(bench: Bench) -> None:
+    """S54. `collision_self` is true while the robot is folded against itself, and false once it has come back.
+
+    From where S25 starts, `armx` towards the base with a turn about the hand's y or a way up or down, for at most 4 s:
+    one of five such ways must do it. Then the same way back. A robot of one piece has nothing of its own to touch: say
+    so as a known gap.
+    """
+    scene = bench.scene
+    for fold in FOLDS:
+        clear_start(scene)
+        for count in range(1, steps(scene, FOLD_SECONDS)):
+            if act(scene, 1, **fold).collision_self:
+                back = act(scene, count, **{name: -value for name, value in fold.items()})
+                expect(
+                    not back.collision_self, f"collision_self is still true {count} steps of the way back after {fold}"
+                )
+                return
+    raise AssertionError(
+        f"collision_self stays false in {FOLD_SECONDS:.0f} s of each of {FOLDS}. Can links of the robot pass "
+        "through one another? If there are none that could touch: a known gap"
+    )
+
+
 def _put_aside(scene: Scene, axis: int, off: float) -> None:
     """An open hand face down at grasp height, the box on the table `off` from below it along the hand's `axis`."""
     unfit = Unfit()

@@ -30,7 +30,7 @@ class DiscoverySettings:
     features: bool = True  # reward models see the task's features, too, see `StageTask.features`
     n_placebos: Annotated[int, Ge(0)] = 8  # action dimensions that no world sees, probed like actions; 0: literal
     oracle_states: Annotated[int, Ge(0)] = 0  # visited states per stage by which an oracle grades the graph; 0: none
-    options: Any = None
+    options: Any = None  # the discoverer's own record; None: its defaults
 
 
 SHARED = tuple(field.name for field in fields(DiscoverySettings) if field.name not in ("discoverer", "options"))

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from causalbench.core.learners.settings import ScalarName
 from causalbench.core.tasks.stage_task import StageTask
 from causalbench.errors import UserError
+from causalbench.pages import page
 
 if TYPE_CHECKING:
     from causalbench.core.staged.observation import Observation
@@ -50,7 +51,8 @@ class Shaped:
         if task.potential is None:
             raise UserError(
                 f"task {task.name!r} has no `potential`, which the learner's setting `scalar: shaped` needs; declare "
-                "one (docs/protocol.md), or take `scalar: paper`, the sum of the terms, which may pay for falling back"
+                f"one ({page('protocol.md')}), or take `scalar: paper`, the sum of the terms, which may pay for "
+                "falling back"
             )
         self._potential, self._gamma = task.potential, gamma
         self._stood_for = np.isin(task.term_names, task.potential_terms)

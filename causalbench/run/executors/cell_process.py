@@ -11,7 +11,7 @@ from multiprocessing.connection import Connection
 from types import FrameType
 
 from causalbench.errors import StoppedError
-from causalbench.processes import Child, Method, start
+from causalbench.processes import Child, Method, start, without_main
 from causalbench.run.cell import Keeping, Progress, run_cell
 from causalbench.run.cell_log import print_to, shorten
 from causalbench.store.cells import LOG, Status
@@ -49,7 +49,8 @@ class StopSignal:
 
 def start_cell(method: Method, cell: Cell, run: RunFolder, keeping: Keeping, cores: int) -> Child:
     """Work on `cell`, which `run.start` has prepared, in a new process. It reports `Progress` through its link."""
-    return start(method, _work, cell, run, keeping, cores)
+    with without_main():
+        return start(method, _work, cell, run, keeping, cores)
 
 
 def settle(cell: Cell, child: Child, run: RunFolder, timed_out: bool = False) -> None:

@@ -17,7 +17,6 @@ from causalbench.store.run_folder import RunFolder
 from causalbench.suite.cells import Cell
 
 PRELOAD = [
-    "__main__",
     "torch",
     "causalbench.core.learners.sac.staged",
     "causalbench.core.learners.ppo.staged",

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import dataclasses
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import gymnasium as gym
@@ -163,14 +164,28 @@ def test_a_number_of_worlds_is_a_whole_number_from_1(n: Any, env: StageTaskEnv) 
         make_gym_worlds(LINE, "gymnasium", {}, n)
 
 
-def test_a_time_limit_shortens_an_episode_and_the_horizon_bounds_it() -> None:
-    for limit, length in ((5, 5), (10_000, 200)):
-        env = gym.make(ID, backend="kinematic", max_episode_steps=limit)
-        env.reset(seed=0)
-        steps = 1
-        while not env.step(np.zeros(7, np.float32))[3]:
-            steps += 1
-        assert steps == length
+@pytest.mark.parametrize(("limit", "length"), [(5, 5), (200, 200), (-1, 200), (None, 200)])
+def test_a_time_limit_shortens_an_episode(limit: int | None, length: int) -> None:
+    env = gym.make(ID, backend="kinematic", max_episode_steps=limit)
+    env.reset(seed=0)
+    steps = 1
+    while not env.step(np.zeros(7, np.float32))[3]:
+        steps += 1
+    assert steps == length
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda limit: gym.make(ID, backend="kinematic", max_episode_steps=limit),
+        lambda limit: gym.make_vec(ID, 2, "sync", backend="kinematic", max_episode_steps=limit),
+        lambda limit: gym.make(dataclasses.replace(gym.spec(ID), max_episode_steps=limit), backend="kinematic"),
+    ],
+)
+def test_a_time_limit_above_the_horizon_is_refused(make: Callable[[int], Any]) -> None:
+    make(200).close()
+    with pytest.raises(UserError, match=r"max_episode_steps=201: an episode of .* ends after 200 control steps"):
+        make(201)
 
 
 def test_gymnasium_adds_its_own_render_mode() -> None:

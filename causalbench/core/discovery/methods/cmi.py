@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 class CMISettings(RewardModelSettings):
     """Own settings of `cmi`."""
 
-    threshold: Annotated[float, Ge(0)] = 0.02  # nats
+    threshold: Annotated[float, Ge(0)] = 0.02  # least conditional mutual information of a cause, in nats
     sigma_floor: Annotated[float, Ge(0)] = 0.2  # of a model when its likelihood is judged, in deviations of the term
     placebo_gate: Annotated[float, Ge(0)] = 3.0  # an action counts only above this times the largest placebo's
 

@@ -12,9 +12,9 @@ from annotated_types import Ge, Gt
 class RewardModelSettings:
     """Optimisation of the reward models, to inherit from. `PAPER` and `PAPER_LARGE` hold the paper's values."""
 
-    batch_size: Annotated[int, Gt(0)] = 256
-    learning_rate: Annotated[float, Gt(0)] = 2e-3
-    max_epochs: Annotated[int, Gt(0)] = 40
+    batch_size: Annotated[int, Gt(0)] = 256  # samples in a gradient step
+    learning_rate: Annotated[float, Gt(0)] = 2e-3  # of Adam
+    max_epochs: Annotated[int, Gt(0)] = 40  # most passes over the samples
     patience: Annotated[int, Ge(0)] = 3  # epochs without a better held-out likelihood until it stops; 0: never early
     sigma_train: Annotated[float, Gt(0)] = 0.01  # least sigma while training, in deviations of the term
 

@@ -15,15 +15,15 @@ from causalbench.core.learners.settings import CriticLayout, StagedSettings
 class SACSettings(StagedSettings):
     """Settings of `StagedSAC`, per stage agent. The defaults are the quick tier's; `PRESETS["paper"]` the paper's."""
 
-    net_arch: tuple[Annotated[int, Gt(0)], ...] = (64, 64)
-    batch_size: Annotated[int, Gt(0)] = 256
-    learning_rate: Annotated[float, Gt(0)] = 1e-3
-    gamma: Annotated[float, Gt(0), Le(1)] = 0.99
+    net_arch: tuple[Annotated[int, Gt(0)], ...] = (64, 64)  # units of each hidden layer, of actor and critics
+    batch_size: Annotated[int, Gt(0)] = 256  # samples in a gradient step
+    learning_rate: Annotated[float, Gt(0)] = 1e-3  # of Adam, for actor, critics and entropy
+    gamma: Annotated[float, Gt(0), Le(1)] = 0.99  # discount of a control step
     tau: Annotated[float, Gt(0), Le(1)] = 0.005  # soft target update factor
     buffer_size: Annotated[int, Gt(0)] = 10_000  # samples kept per stage
     learning_starts: Annotated[int, Ge(0)] = 500  # random samples per stage before its first update
     train_every: Annotated[int, Gt(0)] = 32  # new samples of a stage that trigger its training (Algorithm 3, `count`)
-    updates_per_sample: Annotated[float, Gt(0)] = 0.25
+    updates_per_sample: Annotated[float, Gt(0)] = 0.25  # gradient steps for each new sample
     ent_coef_init: Annotated[float, Gt(0)] = 0.05  # entropy start; SB3's "auto" starts at 1.0
     cooperation_weight: Annotated[float, Ge(0), Le(1)] = 0.3  # share of the next stage's critic in cSAC
     critics: CriticLayout = "rows"  # a critic per distinct matrix row (heads: of one net) or term

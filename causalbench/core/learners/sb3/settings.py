@@ -19,15 +19,15 @@ ABOUT = "stable-baselines3's own agent, one for all stages, on one reward"
 class SB3SACSettings:
     """Settings of stable-baselines3's `SAC`, which has no convolutions."""
 
-    net_arch: tuple[Annotated[int, Gt(0)], ...] = (64, 64)
-    batch_size: Annotated[int, Gt(0)] = 256
-    learning_rate: Annotated[float, Gt(0)] = 1e-3
-    gamma: Annotated[float, Gt(0), Le(1)] = 0.99
+    net_arch: tuple[Annotated[int, Gt(0)], ...] = (64, 64)  # units of each hidden layer, of actor and critics
+    batch_size: Annotated[int, Gt(0)] = 256  # samples in a gradient step
+    learning_rate: Annotated[float, Gt(0)] = 1e-3  # of Adam
+    gamma: Annotated[float, Gt(0), Le(1)] = 0.99  # discount of a control step
     tau: Annotated[float, Gt(0), Le(1)] = 0.005  # soft target update factor
     buffer_size: Annotated[int, Gt(0)] = 10_000  # samples kept per stage of the task
     learning_starts: Annotated[int, Ge(0)] = 500  # random samples before the first update
     train_every: Annotated[int, Gt(0)] = 32  # env steps, of all worlds together, between trainings
-    updates_per_sample: Annotated[float, Gt(0)] = 0.25
+    updates_per_sample: Annotated[float, Gt(0)] = 0.25  # gradient steps for each new sample
     ent_coef_init: Annotated[float, Gt(0)] = 0.05  # entropy start; SB3's "auto" starts at 1.0
     n_envs: Annotated[int, Gt(0)] = 1  # scenes stepped by one agent
     observe_gripper: bool = True  # ours; the paper's observation has no gripper opening
@@ -40,18 +40,18 @@ class SB3SACSettings:
 class SB3PPOSettings:
     """Settings of stable-baselines3's `PPO`, which has no convolutions."""
 
-    net_arch: tuple[Annotated[int, Gt(0)], ...] = (64, 64)
+    net_arch: tuple[Annotated[int, Gt(0)], ...] = (64, 64)  # units of each hidden layer, of actor and critics
     n_steps: Annotated[int, Gt(0)] = 1_024  # env steps in an epoch, of all worlds together
     n_epochs: Annotated[int, Gt(0)] = 10  # passes over an epoch's samples
-    batch_size: Annotated[int, Gt(0)] = 64
-    learning_rate: Annotated[float, Gt(0)] = 3e-4
-    gamma: Annotated[float, Gt(0), Le(1)] = 0.99
-    gae_lambda: Annotated[float, Ge(0), Le(1)] = 0.95
-    clip_range: Annotated[float, Gt(0)] = 0.2
+    batch_size: Annotated[int, Gt(0)] = 64  # samples in a gradient step
+    learning_rate: Annotated[float, Gt(0)] = 3e-4  # of Adam
+    gamma: Annotated[float, Gt(0), Le(1)] = 0.99  # discount of a control step
+    gae_lambda: Annotated[float, Ge(0), Le(1)] = 0.95  # of generalised advantage estimation
+    clip_range: Annotated[float, Gt(0)] = 0.2  # how far a probability ratio may move from 1
     target_kl: Annotated[float, Gt(0)] = 0.03  # training stops once the policy has moved 1.5 times as far
-    ent_coef: Annotated[float, Ge(0)] = 0.0
-    vf_coef: Annotated[float, Ge(0)] = 0.5
-    max_grad_norm: Annotated[float, Gt(0)] = 0.5
+    ent_coef: Annotated[float, Ge(0)] = 0.0  # weight of the entropy bonus
+    vf_coef: Annotated[float, Ge(0)] = 0.5  # weight of the value loss
+    max_grad_norm: Annotated[float, Gt(0)] = 0.5  # gradients are shortened to this length
     log_std_init: float = -0.5  # SB3's 0.0 puts a third of all first actions on their bounds
     n_envs: Annotated[int, Gt(0)] = 1  # scenes stepped by one agent
     observe_gripper: bool = True  # ours; the paper's observation has no gripper opening
