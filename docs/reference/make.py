@@ -19,7 +19,7 @@ import pydantic
 import typer
 
 import causalbench
-from causalbench import backend, discoverer, learner, method, task
+from causalbench import backend, discoverer, learner, method, task, worlds
 from causalbench.cli.app import app
 from causalbench.core.discovery.discoverers import DISCOVERERS
 from causalbench.core.discovery.settings import DiscoverySettings, NoSettings
@@ -31,7 +31,7 @@ from causalbench.suite import schema
 
 MADE = "Made by `python docs/reference/make.py` from the code.\n"
 SUITE = (schema.Suite, schema.Tier, schema.TierBackend, schema.PerBackend, schema.PerMethod)
-FACADES = (backend, task, learner, method, discoverer)
+FACADES = (backend, task, learner, method, discoverer, worlds)
 BOUNDS = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}
 
 

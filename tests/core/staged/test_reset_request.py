@@ -179,7 +179,9 @@ def test_a_time_limit_shortens_an_episode(limit: int | None, length: int) -> Non
     [
         lambda limit: gym.make(ID, backend="kinematic", max_episode_steps=limit),
         lambda limit: gym.make_vec(ID, 2, "sync", backend="kinematic", max_episode_steps=limit),
-        lambda limit: gym.make(dataclasses.replace(gym.spec(ID), max_episode_steps=limit), backend="kinematic"),
+        lambda limit: gym.make(
+            dataclasses.replace(gym.spec(ID.partition(":")[2]), max_episode_steps=limit), backend="kinematic"
+        ),
     ],
 )
 def test_a_time_limit_above_the_horizon_is_refused(make: Callable[[int], Any]) -> None:
