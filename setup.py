@@ -11,7 +11,7 @@ ROOT = Path(__file__).parent
 TREES = {
     "suites": ["*.yaml"],
     "docs": ["*.md", "*.svg", "*.png"],
-    "examples": ["*.md", "*.py", "*.toml", "*.yaml", "*.xml"],
+    "examples": ["*.md", "*.py", "*.toml", "*.yaml", "*.xml", "*.ipynb"],
     "studies": ["*.md", "*.py", "*.yaml", "*.sh"],
     ".": ["README.md", "CHANGELOG.md", "CONTRIBUTING.md", "LICENSE"],
 }

@@ -229,16 +229,16 @@ def _plain(parameter: inspect.Parameter) -> str:
 
 
 def _summary(thing: Any) -> str:
-    """The first sentence of what a name stands for."""
+    """The first sentence of what a name stands for, or the value."""
     if inspect.ismodule(thing) or inspect.isclass(thing) or inspect.isroutine(thing) or hasattr(thing, "py_func"):
         return (inspect.getdoc(thing) or "").partition("\n\n")[0].replace("\n", " ")
-    if isinstance(thing, (int, float, str, tuple, frozenset)):
-        return f"`{sorted(thing) if isinstance(thing, frozenset) else thing!r}`"
     if typing.get_origin(thing) is not None:
         return f"`{str(thing).replace('typing.', '')}`"
-    return {"HookimplMarker": "Marks a function as the implementation of a hook.", "dict": f"`{thing}`"}[
-        type(thing).__name__
-    ]
+    if isinstance(thing, frozenset) or (isinstance(thing, dict) and any(map(callable, thing.values()))):
+        return f"`{sorted(thing)}`"
+    if isinstance(thing, (int, float, str, tuple, dict)):
+        return f"`{thing!r}`"
+    return {"HookimplMarker": "Marks a function as the implementation of a hook."}[type(thing).__name__]
 
 
 _API = """\
