@@ -7,6 +7,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 START = """
 import sys, numba
 for i in range(int(sys.argv[1])):  # other work first, so that no two processes give a function the same number
