@@ -52,7 +52,10 @@ def run(
     ] = ExecutorOption.processes,
     ray_address: Annotated[str | None, typer.Option(help="Of the Ray cluster (default: the one of this node).")] = None,
     slurm: Annotated[list[str] | None, typer.Option(help="Option of sbatch: name=value (repeatable).")] = None,
-    timeout: Annotated[float | None, typer.Option(min=0.001, help="Minutes that a cell may take.")] = None,
+    timeout: Annotated[
+        float | None,
+        typer.Option(min=0.001, help="Minutes that a cell may take (default: ten times what such a cell took)."),
+    ] = None,
     retry_failed: Annotated[
         bool, typer.Option(help="Run diverged and timed-out cells again, too; failed ones always are.")
     ] = False,

@@ -40,8 +40,10 @@ KINDS = {"learner": "cells", "discovery": "discovery"}
 """Kind of a cell -> the folder that such cells lie in."""
 NO_RESULTS = frozenset({CELL, STATUS, LOG, CHECKPOINT, PROGRESS, DATA, *BESIDE, "figures", "tensorboard"})
 """What may lie in a cell's folder without being a result; samples have digests of their own."""
+PROGRESS_TABLE = "progress.csv"
+"""The evaluations of a learner cell; there since the first of them."""
 RESULTS = {
-    "learner": frozenset({"progress.csv", "episodes.csv", "counts.json"}),
+    "learner": frozenset({PROGRESS_TABLE, "episodes.csv", "counts.json"}),
     "discovery": frozenset({"graph.json", "manual.json", "evidence.csv"}),
 }
 """Kind of a cell -> the files that every finished one has."""

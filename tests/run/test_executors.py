@@ -134,7 +134,7 @@ def test_a_cell_that_ended_as_its_time_did_keeps_its_result(
     shutil.copytree(finished_run, run.path)
     (cell, *_) = make_plan(load_suite(tiny_suite, installed()), "smoke", installed()).cells
     before = run.status(cell)
-    settle(cell, start("spawn", _leave), run, timed_out=True)
+    settle(cell, start("spawn", _leave), run, "too late")
     assert run.status(cell) == before
     assert before.state == "done"
 

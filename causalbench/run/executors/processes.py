@@ -11,6 +11,7 @@ from causalbench.processes import Child, preload
 from causalbench.run.cell import Keeping
 from causalbench.run.cell_log import INTERVAL, cut
 from causalbench.run.executors.cell_process import settle, start_cell, stop_all
+from causalbench.run.executors.limits import Limit, Limits
 from causalbench.run.executors.schedule import OnCellProgress
 from causalbench.store.cells import LOG
 from causalbench.store.run_folder import RunFolder
@@ -34,20 +35,25 @@ class _Job:
 
     cell: Cell
     child: Child
-    deadline: float
     cores: int
-    timed_out: bool = False
+    started: float
+    heard: float
+    over: str = ""  # which limit ended it, in words
 
-    def has_ended(self) -> bool:
-        """Whether the process is gone; one that is past its deadline is killed first."""
-        if time.monotonic() > self.deadline and self.child.is_alive():
-            self.timed_out = True
+    def has_ended(self, limit: Limit, now: float) -> bool:
+        """Whether the process is gone; one that is past its limit is killed first."""
+        if now > self.deadline(limit) and self.child.is_alive():
+            self.over = limit.sentence if now > self.started + limit.seconds else limit.silent
             self.child.kill()
         return not self.child.is_alive()
 
+    def deadline(self, limit: Limit) -> float:
+        """When it is too late for the cell."""
+        return min(self.started + limit.seconds, self.heard + limit.silence)
+
 
 class Processes:
-    """See `schedule.Executor`. `jobs` cores at a time; a cell may take `timeout` seconds.
+    """See `schedule.Executor`. `jobs` cores at a time; a cell may take `timeout` seconds, by default see `Limits`.
 
     A cell that is `alone` may use all of them.
     """
@@ -58,7 +64,7 @@ class Processes:
     ) -> None:  # fmt: skip
         preload(PRELOAD)
         self.run, self.on_progress, self.keeping, self.jobs = run, on_progress, keeping, jobs
-        self.timeout, self.alone = timeout or float("inf"), alone
+        self.limits, self.alone = Limits(timeout), alone
         self._running: list[_Job] = []
 
     def free(self) -> int:
@@ -70,26 +76,32 @@ class Processes:
         cores = self.jobs if self.alone else min(cell.cores, self.jobs)
         self.run.start(cell)
         child = start_cell("forkserver", cell, self.run, self.keeping, cores)
-        self._running.append(_Job(cell, child, time.monotonic() + self.timeout, cores))
+        now = time.monotonic()
+        self._running.append(_Job(cell, child, cores, now, now))
 
     def ended(self) -> list[Cell]:
         """Hand on what cells report until one may have ended."""
         self._receive()
-        over = [job for job in self._running if job.has_ended()]
+        now = time.monotonic()
+        over = [job for job in self._running if job.has_ended(self.limits.of(job.cell), now)]
         for job in over:
             self._running.remove(job)
-            settle(job.cell, job.child, self.run, job.timed_out)
+            settle(job.cell, job.child, self.run, job.over)
+            if self.run.status(job.cell).state == "done":
+                self.limits.took(job.cell, now - job.started)
         return [job.cell for job in over]
 
     def _receive(self) -> None:
         """Wait until a cell reports or ends, but not beyond a deadline, and hand on what was reported; bound logs."""
         by_link = {job.child.link: job for job in self._running}
-        wait = min(min((job.deadline for job in self._running), default=0.0) - time.monotonic(), INTERVAL)
+        deadlines = (job.deadline(self.limits.of(job.cell)) for job in self._running)
+        wait = min(min(deadlines, default=0.0) - time.monotonic(), INTERVAL)
         watched: list[Connection | int] = [*by_link, *(job.child.process.sentinel for job in self._running)]
         for ready in multiprocessing.connection.wait(watched, max(wait, 0.0)):
             if isinstance(ready, Connection):
                 try:
                     self.on_progress(by_link[ready].cell, ready.recv())
+                    by_link[ready].heard = time.monotonic()
                 except (EOFError, OSError):  # OSError: killed in the middle of a message
                     by_link[ready].child.process.join()  # the far end closes only when the process ends
         for job in self._running:

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Protocol
 
 from causalbench.run.cell import Progress
+from causalbench.run.executors.giving_up import GivingUp
 from causalbench.store.cells import Status
 from causalbench.store.run_folder import RunFolder
 from causalbench.suite.cells import Cell, DiscoveryCell
@@ -36,13 +37,17 @@ class Executor(Protocol):
 
 
 def schedule(cells: Sequence[Cell], run: RunFolder, executor: Executor) -> Outcomes:
-    """Yield each of `cells` with its status as it ends. The executor is stopped at the end, also at an early one."""
-    queue, running = Queue(cells), 0
+    """Yield each of `cells` with its status as it ends. The executor is stopped at the end, also at an early one.
+
+    What fails alike again and again from the start is skipped, see `GivingUp`.
+    """
+    queue, running, giving_up = Queue(cells), 0, GivingUp(run)
     try:
         while queue.ready or running:
             while cell := queue.next(executor.free(), executor.jobs):
-                if missing := _missing_graph(cell, run):
-                    run.finish(cell, Status("skipped", missing))
+                if reason := _missing_graph(cell, run) or giving_up.reason(cell):
+                    run.finish(cell, Status("skipped", reason))
+                    queue.ended(cell)
                     yield cell, run.status(cell)
                 else:
                     executor.start(cell)
@@ -50,7 +55,9 @@ def schedule(cells: Sequence[Cell], run: RunFolder, executor: Executor) -> Outco
             for cell in executor.ended():
                 running -= 1
                 queue.ended(cell)
-                yield cell, run.status(cell)
+                status = run.status(cell)
+                giving_up.ended(cell, status)
+                yield cell, status
     finally:
         executor.stop()
 
