@@ -13,7 +13,7 @@ RUN: Final = 2
 """A run folder as a whole: `run.json`, `environment.json`."""
 CELL: Final = 3
 """The folder of a cell: `cell.json`, `status.json`, `progress.csv`, `episodes.csv`, `counts.json`."""
-GRAPH: Final = 4
+GRAPH: Final = 5
 """A causal graph, `graph.json`."""
 CHECKPOINT: Final = 4
 """What an interrupted training run continues from."""

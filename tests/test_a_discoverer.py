@@ -27,7 +27,7 @@ def test_it_finds_what_moves_a_reward_and_shows_by_which_number(site: Path, tmp_
     assert done.returncode == 0, done.stderr
     (cell,) = (out / "discovery").iterdir()
     table = pd.read_csv(cell / "evidence.csv")
-    assert list(table.columns) == ["stage", "term", "action", "selected", "in_policy", "correlation"]
+    assert list(table.columns) == ["stage", "term", "action", "outcome", "selected", "in_policy", "correlation"]
     np.testing.assert_array_equal(table["selected"] == 1, table["correlation"] > 0.15)
     found = table[(table["selected"] == 1) & (table["stage"] == 1)].groupby("term")["action"].agg(set)
     assert (found["r_eefx"], found["r_eefy"]) == (TRUTH[1]["r_eefx"], TRUTH[1]["r_eefy"])

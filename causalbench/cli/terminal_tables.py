@@ -150,7 +150,7 @@ def print_graph(graph: CausalGraph, folder: Path) -> None:
         for note in stage.notes:
             _print(f"Stage {stage.stage}: {note}")
     if main := graph.main_column:
-        _print(f"X: selected; {main.name}: {main.sentence}")
+        _print(f"X: selected, ?: undecided; {main.name}: {main.sentence}")
     _print(f"Causal graph {graph.hash}, {graph.env_steps} environment steps; written to {folder}")
 
 
@@ -205,7 +205,8 @@ def _stage_table(graph: CausalGraph, stage: StageGraph) -> Table:
 
 def _edge(stage: StageGraph, name: str, row: int, column: int) -> str:
     number = f"{stage.evidence[name][row, column]:8.4f}" if name in stage.evidence else ""
-    return f"   {'X' if stage.matrix[row, column] else '.'}      {number}"
+    marks = {"present": "X", "absent": ".", "undecided": "?"}
+    return f"   {marks[stage.outcome(row, column)]}      {number}"
 
 
 def print_backends(plugins: Plugins) -> None:

@@ -215,6 +215,7 @@ COLUMNS: dict[str, Column] = {
     "stage": _text('The stage, from 1; "all" for the whole graph.'),
     "term": _text("The reward term."),
     "action": _text("The action."),
+    "outcome": _text("What the discovery says of the edge: present, absent or undecided."),
     "selected": _count("", "1 where the discovery says that the action causes the term, else 0."),
     "in_policy": _count("", "1 where a policy sets the action in this stage, else 0."),
     "effect": _number("", "Share of the term's variance that the action causes, as the oracle measures it."),
@@ -231,13 +232,14 @@ COLUMNS: dict[str, Column] = {
     "f1": _number("", "Harmonic mean of precision and recall."),
     "shd": _count("edges", "Structural Hamming distance: edges that would have to be added or removed."),
     "f1_weak_present": _number("", "F1 with weak edges counted as present."),
+    "left_undecided": _count("edges", "Edges that the discovery left undecided; those that are there count as missed."),
     # Time
     "seconds": _number("s", "Wall-clock time that the cell took."),
     "env_steps_per_second": _number("1/s", "`env_steps` over `seconds`."),
 }
 
 KEYS = ("task", "backend", "method", "grid_point", "seed")
-EDGE_KEYS = ("task", "backend", "grid_point", "seed", "stage", "term", "action", "selected", "in_policy")
+EDGE_KEYS = ("task", "backend", "grid_point", "seed", "stage", "term", "action", "outcome", "selected", "in_policy")
 EFFECT = ("effect", "effect_low", "effect_high")
 REVERSALS = (
     "episode", "deterministic", "stage", "steps_in_stage", "reversals", "reversals_repeated",
@@ -298,9 +300,9 @@ TABLES: dict[str, tuple[str, ...]] = {
     ),
     "cells/*/reversals.csv": REVERSALS,
     "cells/*/transfer.csv": TRANSFER,
-    "discovery/*/evidence.csv": ("stage", "term", "action", "selected", "in_policy"),
-    "discovery/*/oracle.csv": ("stage", "term", "action", *EFFECT, "floor", "grade", "selected"),
-    "discovery/*/score.csv": ("stage", "precision", "recall", "f1", "shd", "f1_weak_present"),
+    "discovery/*/evidence.csv": ("stage", "term", "action", "outcome", "selected", "in_policy"),
+    "discovery/*/oracle.csv": ("stage", "term", "action", *EFFECT, "floor", "grade", "outcome", "selected"),
+    "discovery/*/score.csv": ("stage", "precision", "recall", "f1", "shd", "f1_weak_present", "left_undecided"),
 }  # fmt: skip
 """File -> its columns, in order. What else a file has is said in `FURTHER`."""
 

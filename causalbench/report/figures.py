@@ -65,7 +65,7 @@ def write_run_figures(run: RunFolder) -> None:
 
 
 def draw_evidence(graph: CausalGraph, main: EvidenceColumn) -> Figure:
-    """The column `main` of every (action, reward), selected cells framed.
+    """The column `main` of every (action, reward), selected cells framed, undecided ones with dots.
 
     Columns that could not be tested are hatched: their frames are the declared causes.
     """
@@ -82,6 +82,8 @@ def draw_evidence(graph: CausalGraph, main: EvidenceColumn) -> Figure:
     bar = figure.colorbar(image, ax=ax, fraction=0.05, pad=0.03, shrink=0.9, extend=extend)
     bar.set_label(f"{main.name}, {main.unit}" if main.unit else main.name)
     keys = [Patch(facecolor="none", edgecolor=FRAME, lw=2.5, label="selected")]
+    if any(stage.left_open.any() for stage in graph.stages):
+        keys.append(Patch(facecolor="none", edgecolor=FRAME, lw=1.5, ls=":", label="undecided"))
     if not tested.all():
         keys.append(Patch(**UNTESTED, label="not testable: declared causes"))
     figure.legend(handles=keys, loc="outside lower center", ncols=len(keys), frameon=False)
@@ -113,6 +115,10 @@ def _frame_selected(ax: Axes, columns: list[Column]) -> None:
             frame = Rectangle((column - 0.44, row - 0.44), 0.88, 0.88, fill=False, edgecolor=FRAME, lw=2.5)
             frame.set_gid(f"selected-{stage.stage}-{stage.terms[j]}-{stage.actions[row]}")
             ax.add_patch(frame)
+        for row in np.flatnonzero(stage.left_open[:, j]):
+            frame = Rectangle((column - 0.44, row - 0.44), 0.88, 0.88, fill=False, edgecolor=FRAME, lw=1.5, ls=":")
+            frame.set_gid(f"undecided-{stage.stage}-{stage.terms[j]}-{stage.actions[row]}")
+            ax.add_patch(frame)
 
 
 def _colours(shown: NDArray[np.float64], main: EvidenceColumn) -> tuple[Normalize, str]:
@@ -131,7 +137,7 @@ def _colours(shown: NDArray[np.float64], main: EvidenceColumn) -> tuple[Normaliz
 
 
 def draw_matrix(graph: CausalGraph) -> Figure:
-    """The causal matrices of all stages in one, coloured by stage (paper, figure Causal Matrix)."""
+    """The causal matrices of all stages in one, coloured by stage (paper, figure Causal Matrix); `?` is undecided."""
     from matplotlib.patches import Rectangle
 
     columns, actions = _columns(graph), graph.stages[0].actions
@@ -146,7 +152,8 @@ def draw_matrix(graph: CausalGraph) -> Figure:
             if chosen:
                 cell.set_gid(f"selected-{stage.stage}-{stage.terms[j]}-{actions[row]}")
             ax.add_patch(cell)
-            ax.text(column, row, str(int(chosen)), ha="center", va="center", color="k" if chosen else "#888888")
+            said = "?" if stage.left_open[row, j] else str(int(chosen))
+            ax.text(column, row, said, ha="center", va="center", color="k" if chosen else "#888888")
     _stage_lines(ax, columns)
     return figure
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from causalbench.core.discovery.methods import cmi, independence, paired, permutation, sufficient
+from causalbench.core.discovery.methods import cmi, hrt, independence, paired, permutation, sufficient
+from causalbench.core.discovery.methods.anytime import method as anytime
 from causalbench.core.discovery.methods.kl import method as kl
 from causalbench.core.discovery.registry import Discoverer
 
@@ -12,10 +13,12 @@ DISCOVERERS: Mapping[str, Discoverer] = {
     row.name: row
     for row in (
         kl.DISCOVERER,
+        anytime.DISCOVERER,
         paired.DISCOVERER,
         sufficient.DISCOVERER,
         permutation.DISCOVERER,
         cmi.DISCOVERER,
+        hrt.DISCOVERER,
         independence.FISHER_Z,
         independence.KCI,
     )

@@ -10,7 +10,7 @@ import numpy as np
 
 from causalbench.core.discovery.graph import CausalGraph
 
-EDGE = ("stage", "term", "action", "selected", "in_policy")
+EDGE = ("stage", "term", "action", "outcome", "selected", "in_policy")
 """The columns that every table of edges has, whatever the discoverer."""
 ORACLE = ("effect", "effect_low", "effect_high", "grade")
 """What an oracle says of an edge; beside what a discoverer found these are `oracle_effect` and so on."""
@@ -33,7 +33,8 @@ def edge_rows(graph: CausalGraph) -> Iterator[dict[str, Any]]:
         tables = [np.broadcast_to(stage.evidence.get(name, np.nan), stage.matrix.shape) for name in names]
         for j, term in enumerate(stage.terms):
             for k, action in enumerate(stage.actions):
-                row = {"stage": stage.stage, "term": term, "action": action, "selected": int(stage.matrix[k, j])}
+                row: dict[str, Any] = {"stage": stage.stage, "term": term, "action": action}
+                row |= {"outcome": stage.outcome(k, j), "selected": int(stage.matrix[k, j])}
                 row["in_policy"] = int(action in stage.policy_actions())
                 numbers = (float(table[k, j]) for table in tables)
                 yield row | {n: None if math.isnan(x) else x for n, x in zip(names, numbers, strict=True)}

@@ -17,6 +17,10 @@ from causalbench import formats
 from causalbench.core.tasks.stage_task import StageTask
 from causalbench.errors import InvalidGraphError
 
+Outcome = Literal["present", "absent", "undecided"]
+"""What discovery says of an edge. Undecided: the evidence allows neither of the others at the stated error."""
+UndecidedAs = Literal["present", "absent"]
+
 
 @dataclass(frozen=True)
 class EvidenceColumn:
@@ -44,6 +48,9 @@ class StageGraph:
     could be decided. A term whose reward never varied is untestable: its column is that of the task's declared graph.
     `sufficient` names the causes that a policy is built on, where a discoverer found that fewer than all do. `notes`
     says in sentences what did not go as planned.
+
+    An edge is present where `matrix` is True, undecided where `undecided` is, and absent elsewhere. A learner takes an
+    undecided edge for what `undecided_as` says.
     """
 
     stage: int
@@ -54,6 +61,8 @@ class StageGraph:
     evidence: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
     sufficient: tuple[str, ...] | None = None  # None: all causes
     notes: tuple[str, ...] = ()
+    undecided: NDArray[np.bool_] | None = None  # (n_actions, n_terms); None: every edge is decided
+    undecided_as: UndecidedAs = "present"
 
     @classmethod
     def decided(
@@ -64,15 +73,36 @@ class StageGraph:
         testable: NDArray[np.bool_],
         evidence: Mapping[str, NDArray[np.float64]],
         notes: tuple[str, ...] = (),
+        undecided: NDArray[np.bool_] | None = None,
     ) -> StageGraph:
-        """The graph of what was found `present` (n_actions, n_terms); the declared column of terms not `testable`."""
+        """The graph of what was found `present` (n_actions, n_terms); the declared column of terms not `testable`.
+
+        An edge that is `undecided` (n_actions, n_terms) may not be present, too.
+        """
         terms = task.stage_terms(stage, discoverable_only=True)
         matrix = np.where(testable, present, declared_matrix(task, stage, terms))
-        return cls(stage, task.actions, terms, matrix, testable, evidence, notes=notes)
+        still = None if undecided is None else undecided & testable
+        return cls(stage, task.actions, terms, matrix, testable, evidence, notes=notes, undecided=still)
+
+    @property
+    def left_open(self) -> NDArray[np.bool_]:
+        """(n_actions, n_terms) whether an edge is undecided."""
+        return np.zeros_like(self.matrix) if self.undecided is None else self.undecided
+
+    @property
+    def causes(self) -> NDArray[np.bool_]:
+        """(n_actions, n_terms) what a learner takes for causes: present edges, and undecided ones by `undecided_as`."""
+        return self.matrix | self.left_open if self.undecided_as == "present" else self.matrix
+
+    def outcome(self, action: int, term: int) -> Outcome:
+        """What was decided of the edge of the action and the term with these numbers."""
+        if self.matrix[action, term]:
+            return "present"
+        return "undecided" if self.left_open[action, term] else "absent"
 
     def causal_actions(self) -> tuple[str, ...]:
-        """Actions with a cause in some column, in order (paper, eq. CausalActions)."""
-        return tuple(a for a, row in zip(self.actions, self.matrix, strict=True) if row.any())
+        """Actions that a learner takes for a cause of some term, in order (paper, eq. CausalActions)."""
+        return tuple(a for a, row in zip(self.actions, self.causes, strict=True) if row.any())
 
     def problem(self, task: StageTask) -> str:
         """Why no policy of `task` can be built on the stage's graph; "" if one can."""
@@ -81,7 +111,7 @@ class StageGraph:
         causal = self.causal_actions()
         if not set(self.policy_actions()) <= set(causal) or self.sufficient == ():
             return f"the sufficient actions {self.sufficient} are not some of its causal actions {causal}"
-        if not self.matrix.any():
+        if not self.causes.any():
             return "no action causes any reward, so no policy can be built; discover again with more samples"
         return ""
 

@@ -193,7 +193,11 @@ def _decide(discoverer: Discoverer, problem: _Problem) -> StageGraph:
         return StageGraph(stage, task.actions, terms, declared_matrix(task, stage, terms), testable=none, notes=(note,))
     constant = () if graph.testable is None else [t for t, can in zip(terms, graph.testable, strict=True) if not can]
     notes = tuple(f"{term} never varied: untestable, its column is the declared graph's" for term in constant)
-    return replace(graph, notes=graph.notes + (problem.collected.notes if problem.collected else ()) + notes)
+    return replace(
+        graph,
+        undecided_as=problem.settings.undecided,
+        notes=graph.notes + (problem.collected.notes if problem.collected else ()) + notes,
+    )
 
 
 class _Board:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Annotated, Any, Literal
 
 from annotated_types import Ge, Gt
+
+from causalbench.core.discovery.graph import UndecidedAs
 
 
 @dataclass(frozen=True)
@@ -29,6 +31,9 @@ class DiscoverySettings:
     observation: Literal["state", "sectors", "paper"] = "state"
     features: bool = True  # reward models see the task's features, too, see `StageTask.features`
     n_placebos: Annotated[int, Ge(0)] = 8  # action dimensions that no world sees, probed like actions; 0: literal
+    # Whether D_do[a_k] has a_k = 0 in a random half of its steps, or, as the paper's, throughout each sequence.
+    intervene: Literal["step", "sequence"] = "step"
+    undecided: UndecidedAs = "present"  # what a learner takes an edge for that discovery could not decide
     oracle_states: Annotated[int, Ge(0)] = 0  # visited states per stage by which an oracle grades the graph; 0: none
     options: Any = None  # the discoverer's own record; None: its defaults
 
@@ -36,9 +41,10 @@ class DiscoverySettings:
 SHARED = tuple(field.name for field in fields(DiscoverySettings) if field.name not in ("discoverer", "options"))
 """The names of the settings that any discoverer has."""
 
+PAPER = DiscoverySettings(features=False, n_placebos=0, intervene="sequence")
 PRESETS = {
     "quick": DiscoverySettings(),
-    "paper": DiscoverySettings(training_count=5_000, features=False, n_placebos=0),  # pure manipulation
-    "paper_large": DiscoverySettings(training_count=10_000, features=False, n_placebos=0),  # mobile manipulation
+    "paper": replace(PAPER, training_count=5_000),  # pure manipulation
+    "paper_large": replace(PAPER, training_count=10_000),  # mobile manipulation
 }
 """Named starting points; a discoverer may have presets of the same names for its own record. The paper's data sizes."""

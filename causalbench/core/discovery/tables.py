@@ -32,6 +32,7 @@ def oracle_table(graph: CausalGraph, truth: Sequence[StageTruth]) -> pd.DataFram
             "effect_high": stage.high[k, j],
             "floor": stage.floor[j],
             "grade": grades[k][j].value,
+            "outcome": found.outcome(k, j),
             "selected": int(found.matrix[k, j]),
         }
         for found, stage in zip(graph.stages, truth, strict=True)

@@ -44,7 +44,7 @@ def training_matrix(task: StageTask, graph: CausalGraph, stage: int) -> NDArray[
     found = graph.stages[stage - 1]
     for j, term in enumerate(task.terms):
         if stage in term.stages:
-            full[:, j] = found.matrix[:, found.terms.index(term.name)] if term.discoverable else True
+            full[:, j] = found.causes[:, found.terms.index(term.name)] if term.discoverable else True
     return full
 
 

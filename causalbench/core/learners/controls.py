@@ -104,7 +104,7 @@ def control_graph(name: str, graph: CausalGraph, worlds: Worlds, seed: int) -> C
                 f"{' '.join(own.policy_actions())} alone, so no control of it would prove anything; discover again"
             )
         set_by_policy = np.isin(own.actions, own.policy_actions())
-        for matrix in CONTROLS[name](own.matrix & set_by_policy[:, None], rng):
+        for matrix in CONTROLS[name](own.causes & set_by_policy[:, None], rng):
             candidate = StageGraph(own.stage, own.actions, own.terms, matrix)
             if solvable(own.stage, candidate.causal_actions()):
                 changed.append(own.stage)

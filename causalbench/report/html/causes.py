@@ -82,6 +82,7 @@ def majority(source: Source) -> pd.DataFrame:
     by = ["backend", "grid_point", *EDGE]
     groups = table.groupby(by, sort=False)
     found = groups["selected"].agg(["sum", "size"]).rename(columns={"sum": "selected", "size": "seeds"})
+    found["undecided"] = groups["outcome"].agg(lambda outcomes: int((outcomes == "undecided").sum()))
     numbers = ["oracle_effect", "oracle_effect_low", "oracle_effect_high"]
     told = table.assign(**{name: pd.to_numeric(table[name], errors="coerce") for name in numbers}).groupby(
         by, sort=False
@@ -141,9 +142,11 @@ def _square(row: dict[str, Any], stage: StageGraph) -> Square:
     untested = stage.testable is not None and not stage.testable[stage.terms.index(row["term"])]
     split = f"{row['selected']}/{row['seeds']}" if 0 < row["selected"] < row["seeds"] else ""
     grade = row["grade"] or ""
-    more = " ".join(filter(None, [split, grade if grade != "absent" or state in ("both", "found") else ""]))
+    mark, shown = "?" if row["undecided"] else "", grade != "absent" or state in ("both", "found")
+    more = " ".join(filter(None, [split, mark, grade if shown else ""]))
     sentence = f"{row['action']} on {row['term']}, stage {row['stage']}: {words}"
     sentence += f", selected by {row['selected']} of {row['seeds']}" + (f", oracle: {grade}" if grade else "")
+    sentence += f"; undecided in {row['undecided']}" if row["undecided"] else ""
     sentence += "; the term never varied, so the declared causes stand" if untested else ""
     return Square("untested" if untested else state, symbol, more, sentence)
 

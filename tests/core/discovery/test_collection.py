@@ -43,7 +43,7 @@ def test_the_files_need_numpy_and_pandas_alone(collected):
         assert [*file["state_names"]] == [*TASK.state_names, "gripper_opening", *TASK.feature_names]
         assert len(file["states"]) == len(file["rewards"]) == len(file["sequence"]) == len(actions) == 64
         about = json.loads(str(file["about"]))
-    assert (actions.armz == 0).all()
+    assert 0.3 < (actions.armz == 0).mean() < 0.7
     assert list(actions.columns) == [*TASK.actions, *(f"placebo{p}" for p in range(TINY.n_placebos))]
     assert (about["request"]["seed"], about["units"]["actions"]) == (3, "share of full speed, -1 to 1; 0: not executed")
 

@@ -2,12 +2,14 @@
 
 import dataclasses
 import itertools
+from functools import partial
 
 import numpy as np
 import pytest
 from scenes import worlds_of
 from truth import TRUTH
 
+from causalbench import worlds
 from causalbench.core.discovery.graph import CausalGraph, manual_graph
 from causalbench.core.discovery.truth.oracle import Grade, consult_oracle
 from causalbench.core.discovery.truth.score import Score, score_graph, score_matrix, with_score
@@ -114,6 +116,24 @@ def test_weak_edges_count_only_when_asked():
     assert score_matrix(matrix, grades, weak_is_present=False) == Score(1, 1, 0)
 
 
+def test_errors_of_restoring_are_no_effects():
+    """Edges that are not there are hardly ever graded strong, and effects are the planted ones."""
+    for kind in ("null_restore_noise_0.3", "restore_noise_0.3"):
+        world = worlds.planted(kind)
+        (stage,) = consult_oracle(world.task, partial(worlds.make_planted_worlds, world), 100, 0, lambda *told: None)
+        effect = worlds.effects(world, 1)
+        assert (np.array(stage.grades())[effect == 0] == Grade.strong).mean() < 0.1
+        assert ((stage.low <= effect) & (effect <= stage.high)).mean() > 0.85
+
+
+def test_what_no_state_showed_is_absent_and_its_bound_is_that_of_the_rule_of_three(truth):
+    for stage in truth:
+        nothing = stage.effect == 0.0
+        assert nothing.any()
+        np.testing.assert_allclose(stage.high[nothing], 3 / 400)
+        assert (np.array(stage.grades())[nothing] == Grade.absent).all()
+
+
 class Sloppy(WorldsScene):
     """Restores to a place nearby, and says that it is not exact."""
 
@@ -131,7 +151,7 @@ def test_where_restoring_is_not_exact_the_graph_says_how_large_the_error_floor_i
     truth = consult_oracle(TASK, worlds_of(TASK, Sloppy), 40, 0, lambda share, text: None)
     graph = with_score(manual_graph(TASK), truth)
     assert graph.oracle["exact_restore"] is False
-    assert graph.oracle["env_steps"] == 4 * 40 * 9
+    assert graph.oracle["env_steps"] == 4 * 40 * 16
     for stage in truth:
         for value, floor in zip(graph.oracle["floor"][str(stage.stage)].values(), stage.floor, strict=True):
             assert value == floor or (value is None and np.isnan(floor))

@@ -7,7 +7,7 @@ import pytest
 from scenes import discover
 from toy import make_toy, toy_task
 
-from causalbench.core.discovery.methods.kl.placebos import calibrate, placebo_copy, q_values
+from causalbench.core.discovery.methods.kl.placebos import calibrate, p_values, placebo_copy, q_values
 from causalbench.core.discovery.methods.kl.settings import KLSettings
 from causalbench.core.discovery.samples.transitions import Samples
 from causalbench.core.discovery.settings import DiscoverySettings
@@ -31,6 +31,13 @@ def test_q_values_are_those_of_brute_force(seed):
         for row in edge
         for j, value in enumerate(row)
     ]
+    tested = np.concatenate([values.ravel() for values in p_values(edges, nulls)])
+    within = np.array(p) > 1 / (1 + len(pool))
+    np.testing.assert_allclose(tested[within], np.array(p)[within])
+    assert (
+        tested[~within] <= 1 / (1 + len(pool))
+    ).all()  # beyond every null: the fitted tail, never more than counting
+    p = tested.tolist()
     found = np.concatenate([q.ravel() for q in q_values(edges, nulls)])
     # Benjamini and Hochberg: q is the least p m / rank of the p-values that are as large; ties share the last rank.
     rates = {value: value * len(p) / sum(other <= value for other in p) for value in p}
@@ -62,14 +69,28 @@ def test_the_false_discovery_rate_is_kept_where_nulls_are_exchangeable():
     assert np.mean(shares) <= 0.06  # the median that a term's nulls are divided by is estimated from them
 
 
-def test_a_placebo_copy_changes_placebos_alone():
+@pytest.mark.parametrize("n_terms", [1, 4])
+@pytest.mark.parametrize("n_actions", [4, 7])
+def test_one_edge_far_beyond_the_nulls_is_selected_and_null_worlds_stay_empty(n_actions, n_terms):
+    """Forty nulls a term, as by default; counting alone lets no fewer than about half of the actions be selected."""
+    rng, found = np.random.default_rng(n_actions), []
+    for _ in range(200):
+        edges, nulls = [rng.lognormal(0, 1, (n_actions, n_terms))], [rng.lognormal(0, 1, (40, n_terms))]
+        found.append((q_values(edges, nulls)[0] <= 0.05).any())
+        edges[0][0, 0] = 1e4
+        assert q_values(edges, nulls)[0][0, 0] <= 0.05
+    assert np.mean(found) <= 0.1  # 0.05 and two deviations of 200 worlds
+
+
+@pytest.mark.parametrize("zeros", [0.25, 0.5])
+def test_a_placebo_copy_changes_placebos_alone(zeros):
     rng = np.random.default_rng(0)
     actions = rng.uniform(-1, 1, (1000, 5)).astype(np.float32)
     extra = Samples(actions[:, :2], actions, actions[:, :1], np.zeros(1000, np.int32), 1000)
-    one, two = (placebo_copy(extra, 3, rng) for _ in range(2))
+    one, two = (placebo_copy(extra, 3, zeros, rng) for _ in range(2))
     for copy in (one, two):
         np.testing.assert_array_equal(copy.actions[:, :3], extra.actions[:, :3])
-        assert np.abs((copy.actions[:, 3:] == 0).mean(0) - 0.5).max() < 0.06
+        assert np.abs((copy.actions[:, 3:] == 0).mean(0) - zeros).max() < 0.06
     assert (one.actions[:, 3:] != two.actions[:, 3:]).mean() > 0.7
 
 

@@ -23,7 +23,14 @@ from causalbench.core.discovery.registry import Discoverer
 from causalbench.core.discovery.settings import PRESETS, DiscoverySettings
 from causalbench.errors import DiscovererError, UnknownNameError, UserError
 
-QUICK = {"kl": {"max_epochs": 2}, "cmi": {"max_epochs": 2}, "kci": {"samples": 60}, "permutation": {"states": 20}}
+QUICK = {
+    "anytime": {"max_actions": 200},
+    "hrt": {"redraws": 2},
+    "kl": {"max_epochs": 2},
+    "cmi": {"max_epochs": 2},
+    "kci": {"samples": 60},
+    "permutation": {"states": 20},
+}
 
 
 def _quiet(share, doing):

@@ -5,7 +5,10 @@ states, and stops measuring an edge once its interval leaves no doubt on which s
 
 - present: the lower bound exceeds the limit of an absent edge;
 - absent: the upper bound, with room for what was not seen, is below the limit of a strong one;
-- neither when the budget of the stage is spent: present if the estimate exceeds the geometric mean of both limits.
+- neither when the budget of the stage is spent: undecided.
+
+Where restoring is inexact every action is tried twice, each time after a restoring of its own, and the product of both
+differences stands for the square: its mean is the effect whatever the errors of restoring are.
 
 Actions that showed no effect lately are set to 0 together: where even that changes no reward, none of them did. It
 assumes that effects of two actions do not cancel.
@@ -57,7 +60,8 @@ def measure(problem: StageProblem) -> tuple[StageGraph, Walk]:
     rng = np.random.default_rng([problem.seed, problem.stage, STREAM])
     walk, repeat = problem.walk(rng), problem.settings.action_repeat
     edges, budget = _Edges(walk), problem.options.max_actions * repeat
-    next_look, most = FIRST_LOOK, (len(problem.task.actions) + 3) * repeat  # that one state takes
+    n_actions = len(problem.task.actions)
+    next_look, most = FIRST_LOOK, (n_actions + 3 if walk.exact else 2 * n_actions + 2) * repeat  # that one state takes
     while edges.open.any() and edges.env_steps + most <= budget:
         edges.measure()
         if edges.walk.sequence >= next_look:
@@ -90,7 +94,17 @@ class _Edges:
         """One more state: the drawn action, and it with each action that has open edges at 0, alone or in a group."""
         drawn = self.walk.visit()
         taken = self._try(drawn, None)
-        floor = 0.0 if self.exact else (self._try(drawn, []) - taken) ** 2
+        self._add(taken, self._squares(drawn, taken) if self.exact else self._products(drawn, taken))
+
+    def _products(self, drawn: Array, taken: Array) -> Array:
+        """(n_actions, n_terms) products of two independent differences, whose mean errors of restoring do not move."""
+        products, again = np.zeros(self.open.shape), self._try(drawn, [])
+        for k in np.flatnonzero(self.open.any(1)):
+            products[k] = (self._try(drawn, [int(k)]) - taken) * (self._try(drawn, [int(k)]) - again)
+        return products
+
+    def _squares(self, drawn: Array, taken: Array) -> Array:
+        """(n_actions, n_terms) squared differences; those of a group that changes nothing are the group's."""
         squares = np.zeros(self.open.shape)
         alone, group = self._split()
         if group:
@@ -100,7 +114,11 @@ class _Edges:
             else:
                 squares[group] = together
         for k in alone:
-            squares[k] = (self._try(drawn, [k]) - taken) ** 2 - floor
+            squares[k] = (self._try(drawn, [k]) - taken) ** 2
+        return squares
+
+    def _add(self, taken: Array, squares: Array) -> None:
+        """Remember one state, unless something in it is not finite."""
         if not (np.isfinite(squares).all() and np.isfinite(taken).all()):
             self.refused += 1
             return
@@ -119,9 +137,9 @@ class _Edges:
         return reward
 
     def _split(self) -> tuple[list[int], list[int]]:
-        """Actions to try alone and actions to try together; with a floor of noise nothing is a sure zero."""
+        """Actions to try alone and actions to try together."""
         candidates = [int(k) for k in np.flatnonzero(self.open.any(1))]
-        if not self.exact or not self.taken:
+        if not self.taken:
             return candidates, []
         share = (self.moved[:, self.open.any(0)].max(1) + 1) / (len(self.taken) + 2)
         group = [k for k in candidates if share[k] < ALONE_FROM]
@@ -143,24 +161,25 @@ class _Edges:
         with np.errstate(divide="ignore", invalid="ignore"):
             # What an event does where there is one, in variances of the term; at least 1.
             size = np.fmax(1.0, np.where(shown, squares, 0.0).sum((0, 1)) / shown.sum((0, 1)) / taken.var(0))
-        unseen = UNSEEN / n * size
+        unseen = UNSEEN / n * (size if self.exact else 1.0)
         for table, now in ((self.effect, effect), (self.low, low), (self.high, high + unseen)):
             table[self.open] = now[self.open]
         self.pairs[self.open] = n
         self.open &= ~(varies & ((self.low > ABSENT_BELOW) | (self.high < STRONG_ABOVE)))
 
     def graph(self) -> StageGraph:
-        """The decisions; an edge that is still open goes by its estimate."""
+        """The decisions; an edge that is still open is undecided."""
         walk = self.walk
         testable = varies(np.array(self.taken))
-        present = np.where(self.open, self.effect > math.sqrt(ABSENT_BELOW * STRONG_ABOVE), self.low > ABSENT_BELOW)
+        present = ~self.open & (self.low > ABSENT_BELOW)
         names = ("effect", "effect_low", "effect_high", "pairs")
         evidence = dict(zip(names, (self.effect, self.low, self.high, self.pairs), strict=True))
         undecided = [
-            f"{walk.task.actions[k]} on {walk.terms[j]} was not decided within the budget; its estimate decides"
+            f"{walk.task.actions[k]} on {walk.terms[j]} was not decided within the budget"
             for k, j in np.argwhere(self.open & testable)
         ]
-        return StageGraph.decided(walk.task, walk.stage, present, testable, evidence, tuple(undecided))
+        notes = tuple(undecided)
+        return StageGraph.decided(walk.task, walk.stage, present, testable, evidence, notes, self.open)
 
     def samples(self) -> Samples:
         """Every step that was taken: of each state first the drawn action, then what it was compared with."""

@@ -3,7 +3,8 @@
 Whatever can change a reward is a cause, and an agent that sets all causes has as many ways to spoil a stage as to
 solve it. What is left at 0 spoils nothing. So random sequences set a random half of the causes and leave the others at
 0; those causes with which sequences finish the stage oftener than without are chosen, and a last trial says whether
-random sequences on them alone finish it at least as often as with all actions. If so, they are enough.
+random sequences on them alone finish it no less often than with all actions: a test of non-inferiority, since two equal
+shares would be called unequal half of the time. If so, they are enough.
 
 Where sequences hardly finish the stage there is nothing to compare, and all causes stay. The causal matrix is that of
 `paired` in any case; only the actions that a policy sets are fewer (`StageGraph.sufficient`).
@@ -11,6 +12,7 @@ Where sequences hardly finish the stage there is nothing to compare, and all cau
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -25,14 +27,16 @@ from causalbench.core.world.capabilities import Capability
 if TYPE_CHECKING:
     from causalbench.core.discovery.truth.counterfactual import Walk
 
-HALVES, TRIALS = 120, 20  # sequences on a random half of the causes, and on the chosen ones
+HALVES, TRIALS = 120, 40  # sequences on a random half of the causes, and on the chosen ones
 EXPECTED = 8  # of HALVES that must finish; a cause stands out from 5 to 0 on, which 8 expected ones show in nine of ten
 LEVEL = 0.05  # chance that a cause which does not matter is chosen
+MARGIN = 0.5  # of how often all actions finish: what random sequences may lose by leaving actions at 0
+Z = 1.6448536269514722  # of the standard normal, one-sided 95%
 STREAM = 103  # beside the numbers of the sets of samples and of the other discoverers
 
 
 def discover_stage(problem: StageProblem) -> StageGraph:
-    """The graph of `paired` with the causes that are enough; up to 140 sequences more where there is a choice."""
+    """The graph of `paired` with the causes that are enough; up to 160 sequences more where there is a choice."""
     graph, walk = measure(problem)
     causes = graph.causal_actions()
     if HALVES * walk.finished < EXPECTED * walk.ended:
@@ -47,10 +51,10 @@ def discover_stage(problem: StageProblem) -> StageGraph:
     names = tuple(a for a, enough in zip(graph.actions, chosen, strict=True) if enough)
     if not names or names == causes:
         return _with_note(graph, "no cause stands out where a random half of them finished the stage: all stay")
-    alone = np.array([_finishes(tried, chosen) for _ in range(TRIALS)])
-    said = f"random {' '.join(names)} finished the stage {alone.sum()} times of {TRIALS}"
+    hits = sum(_finishes(tried, chosen) for _ in range(TRIALS))
+    said = f"random {' '.join(names)} finished the stage {hits} times of {TRIALS}"
     said += f", all actions {walk.finished} of {walk.ended}"
-    if alone.mean() < walk.finished / walk.ended:
+    if not no_less(hits, TRIALS, walk.finished, walk.ended):
         return _with_note(graph, f"{said}: too few, so all causes stay")
     return _with_note(replace(graph, sufficient=names), f"{said}: enough for a policy")
 
@@ -61,6 +65,23 @@ def _finishes(walk: Walk, chosen: NDArray[np.bool_]) -> bool:
     while walk.ended == ended:
         walk.take(walk.visit() * chosen)
     return walk.finished > finished
+
+
+def no_less(hits: int, n: int, others: int, m: int) -> bool:
+    """Whether `hits` of `n` is, with 95% confidence, more than `MARGIN` of the share `others` of `m`.
+
+    The bound of the difference is made of Wilson's one-sided bounds of both shares (Newcombe 1998).
+    """
+    low, share = _wilson(hits, n)[0], hits / n
+    high, other = _wilson(others, m)[1], others / m
+    return share - MARGIN * other > math.hypot(share - low, MARGIN * (high - other))
+
+
+def _wilson(hits: int, n: int) -> tuple[float, float]:
+    """Wilson's lower and upper bound of a share, each with 95% confidence."""
+    middle, square = (hits + Z**2 / 2) / (n + Z**2), Z**2 / (n + Z**2)
+    half = math.sqrt(square * (hits * (n - hits) / n**2 * n / (n + Z**2) + square / 4))
+    return middle - half, middle + half
 
 
 def _oftener(these: NDArray[np.bool_], those: NDArray[np.bool_]) -> bool:

@@ -24,8 +24,12 @@ def collect(
     on_step: Callable[[int], None],
     sensor: str = "",
     action_repeat: int = 1,
+    by_step: bool = False,
 ) -> Samples:
     """`count` transitions under uniform random actions and placebos, action `do` (if any) held at 0.
+
+    With `by_step` it is 0 in a random half of the steps, each drawn by itself. Throughout a sequence, as the paper has
+    it, a_k = 0 comes with a_k = 0 in the step before, so that what the world remembers of it looks like an effect.
 
     A step is one action, held for `action_repeat` env steps. One that leaves the stage is kept with the old stage's
     reward, which is a function of (s, a); then the world is reset into the stage. Dropping it would select samples by
@@ -57,7 +61,7 @@ def collect(
             n_sequences += restart.size
         actions = rng.uniform(-1.0, 1.0, (n, n_actions + n_placebos))
         if do is not None:
-            actions[:, do] = 0.0
+            actions[rng.random(n) < 0.5 if by_step else slice(None), do] = 0.0
         states, frames = worlds.states(), worlds.sense(sensor)
         step = worlds.step(actions[:, :n_actions], action_repeat)
         rewards = step.rewards[:, terms].astype(np.float32)

@@ -27,7 +27,8 @@ class Collection:
         self.recipe, self.on_share = recipe, on_share
         self.env_steps: dict[int, int] = {}
         self._collector = Collector(recipe)
-        self._pool = SamplePool(recipe, cores) if pays(recipe, cores) else None
+        self._cores = cores if pays(recipe, cores) else 1
+        self._pool: SamplePool | None = None  # started when samples are first asked for: some methods may not ask
 
     def stage(self, stage: int) -> StageSamples:
         """The samples of one stage. Raises `LayoutDrawError` or `UndecidedStageError`."""
@@ -43,6 +44,8 @@ class Collection:
             self.env_steps[stage] = steps
             self.on_share(stage, min(1.0, steps / planned))
 
+        if self._pool is None and self._cores > 1:
+            self._pool = SamplePool(self.recipe, self._cores)
         found = self._pool.gather(stage, on_steps) if self._pool else self._gather(wanted, on_steps)
         return _assemble(self.recipe.settings, wanted, found)
 

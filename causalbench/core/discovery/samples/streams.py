@@ -102,6 +102,7 @@ class Recipe:
             "n_placebos": self.settings.n_placebos,
             "inference_fraction": self.settings.inference_fraction,
             "worlds": N_WORLDS,
+            **({"intervene": "step"} if self.settings.intervene == "step" and stream.do is not None else {}),
             **({"features": True} if self.settings.features and self.task.features else {}),
             **({"observation": seen} if (seen := self.settings.observation) != "state" else {}),
             **({"action_repeat": self.settings.action_repeat} if self.settings.action_repeat > 1 else {}),
@@ -124,7 +125,7 @@ class Recipe:
         sensor = self.task.sensor_in(self.settings.observation)
         samples = collect(
             worlds, stream.stage, stream.count, stream.do, rng, length, placebos, on_step, sensor,
-            self.settings.action_repeat,
+            self.settings.action_repeat, self.settings.intervene == "step",
         )  # fmt: skip
         if self.store:
             self.store.save(self.about(stream), samples, self.task)

@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float32]
 
+ROUNDING = 1e-7
+"""About what is lost when a number becomes one of the float32 that samples keep."""
+
 
 @dataclass(frozen=True)
 class Samples:
@@ -102,6 +105,9 @@ class StageSamples:
 
 
 def varies(rewards: NDArray[np.floating[Any]]) -> NDArray[np.bool_]:
-    """Which columns of `rewards` (n, n_terms) vary by more than rounding; of the others no cause can be found."""
+    """Which columns of `rewards` (n, n_terms) vary by more than rounding; of the others no cause can be found.
+
+    The one rule of the package, the same in every unit: a deviation above `ROUNDING` of the largest value.
+    """
     spread = rewards.astype(np.float64).std(0)
-    return np.asarray(spread > 1e-6 * np.abs(rewards).max(0).clip(min=1.0))
+    return np.asarray(spread > ROUNDING * np.abs(rewards.astype(np.float64)).max(0, initial=0.0))

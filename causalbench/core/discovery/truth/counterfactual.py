@@ -32,6 +32,7 @@ class Walk:
         self._over, self._left = True, 0
         self._start = self._after = b""  # snapshots of the visited state and of that after the drawn action
         self._elsewhere = False
+        self.drawn: Array  # the random action (n_actions,) of the visited state
         self._inputs: NDArray[np.float32]
 
     def visit(self) -> Array:
@@ -43,7 +44,8 @@ class Walk:
         elif self._elsewhere:
             self.worlds.restore([0], [self._after])
         self._start, self._inputs = self.worlds.snapshot(0), self.worlds.states()
-        return self.rng.uniform(-1.0, 1.0, len(self.task.actions))
+        self.drawn = self.rng.uniform(-1.0, 1.0, len(self.task.actions))
+        return self.drawn
 
     def take(self, action: Array) -> Array:
         """As `reward_of`, and the sequence goes on from there."""
@@ -70,6 +72,19 @@ class Walk:
         tried[np.arange(1, len(drawn) + 1), np.arange(len(drawn))] = 0.0
         others = [self.reward_of(action) for action in tried]
         return np.array([self.take(drawn), *others])
+
+    def compare_twice(self) -> tuple[Array, Array]:
+        """Two independent repetitions in the next state, each (n_actions + 1, n_terms) rewards.
+
+        The first row is the drawn action's, the others its with each action at 0. Where restoring is inexact the errors
+        of the two are independent, so that the product of their differences has no floor.
+        """
+        drawn = self.visit()
+        tried = np.tile(drawn, (len(drawn) + 1, 1))
+        tried[np.arange(1, len(drawn) + 1), np.arange(len(drawn))] = 0.0
+        again = np.array([self.reward_of(action) for action in tried])
+        others = [self.reward_of(action) for action in tried[1:]]
+        return np.array([self.take(drawn), *others]), again
 
     def _try(self, action: Array) -> tuple[Array, Step]:
         self.worlds.restore([0], [self._start])

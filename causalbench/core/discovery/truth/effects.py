@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from causalbench.core.discovery.samples.transitions import varies
+
 Array = NDArray[np.float64]
 
 ABSENT_BELOW = 0.005  # upper bound of the interval of an effect
@@ -30,6 +32,9 @@ def effects(
         np.add.at(out, group, values)
         return out
 
+    testable = varies(taken)
+    taken = taken - taken.mean(0)  # so that no digits are lost in a difference of large squares
+    least = 1e-12 * taken.var(0)
     count, first, second, square = (
         total(x) for x in (np.ones(len(taken)), taken, taken**2, squares.reshape(len(squares), -1))
     )
@@ -39,15 +44,15 @@ def effects(
         variance = weights @ second / n[:, None] - (weights @ first / n[:, None]) ** 2
         mean_square = (weights @ square / n[:, None]).reshape(len(weights), *squares.shape[1:])
         with np.errstate(divide="ignore", invalid="ignore"):
-            return np.where(variance[:, None] > 1e-12, mean_square / variance[:, None], np.nan)
+            return np.where((variance > least)[:, None] & testable, mean_square / variance[:, None], np.nan)
 
     effect = ratio(np.ones((1, n_groups)))[0]
     weights = rng.multinomial(n_groups, np.full(n_groups, 1 / n_groups), size=RESAMPLES).astype(np.float64)
     resampled = ratio(weights)
     tail = (1 - confidence) / 2
     low, high = np.full_like(effect, np.nan), np.full_like(effect, np.nan)
-    testable = ~np.isnan(effect)
+    known = ~np.isnan(effect)
     # A resample in which a rare reward never varies says nothing about its effect.
-    if testable.any():
-        low[testable], high[testable] = np.nanquantile(resampled[:, testable], [tail, 1 - tail], axis=0)
+    if known.any():
+        low[known], high[known] = np.nanquantile(resampled[:, known], [tail, 1 - tail], axis=0)
     return effect, low, high

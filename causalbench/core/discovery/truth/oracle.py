@@ -1,8 +1,9 @@
 """Graded ground truth: from a snapshot, the same state and the same other actions, a_k random against 0.
 
 The effect of action k on term j is T_kj = E[(r_j(s, a) - r_j(s, a with a_k = 0))^2] / Var(r_j(s, a)) over states that
-random sequences visit. It needs no model, only a world that can be restored. Limits are fixed here, before any
-discovery is looked at.
+random sequences visit. It needs no model, only a world that can be restored. Where restoring is inexact, two
+independent repetitions give E[(difference)(difference of the other)], which errors of restoring do not bias. Limits are
+fixed here, before any discovery is looked at.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from causalbench.core.tasks.stage_task import StageTask
 
 ORACLE_STATES = 400  # visited states per stage
 CONFIDENCE = 0.95
+RULE_OF_THREE = 3.0  # what n states did not show happens in less than 3 / n of them, with 95% confidence
 SEQUENCE_LENGTH = 10  # as in discovery, so that both speak of the same states
 
 
@@ -39,8 +41,9 @@ class Grade(StrEnum):
 class StageTruth:
     """Effects of one stage, arrays (n_actions, n_terms); `floor` (n_terms,) is what repeating the same action shows.
 
-    `floor` is 0 where restoring is exact, which the world declares or not (`exact_restore`). All is about actions held
-    for `action_repeat` control steps, in `states` visited states; `env_steps` is what asking took.
+    Where no visited state showed an effect, `high` is what such a sample allows with 95% confidence, three in as many
+    states. `floor` is 0 where restoring is exact, which the world declares or not (`exact_restore`). All is about
+    actions held for `action_repeat` control steps, in `states` visited states; `env_steps` is what asking took.
     """
 
     stage: int
@@ -66,7 +69,7 @@ class StageTruth:
 def _grade(effect: float, low: float, high: float) -> Grade:
     if np.isnan(effect):
         return Grade.untestable
-    if high < ABSENT_BELOW:
+    if high < ABSENT_BELOW or effect == 0.0:  # no state showed any effect, however small
         return Grade.absent
     return Grade.strong if low > STRONG_ABOVE else Grade.weak
 
@@ -104,6 +107,16 @@ def oracle_graph(task: StageTask, truth: tuple[StageTruth, ...], seed: int) -> C
     return CausalGraph(task.name, task.version, "oracle", tuple(stages), env_steps, provenance)
 
 
+def _compared(walk: Walk) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Rewards (n_terms,) in the next state; squared differences (n_actions + 1, n_terms), the repetition's first."""
+    if walk.exact:
+        rewards = walk.compare()
+        return rewards[0], np.square(rewards[1:] - rewards[0])
+    one, other = walk.compare_twice()
+    products = (one[1:] - one[0]) * (other[1:] - other[0])
+    return one[0], np.vstack([np.square(other[:1] - one[:1]), products])
+
+
 def _stage_truth(
     worlds: Worlds,
     stage: int,
@@ -117,14 +130,14 @@ def _stage_truth(
     rng = np.random.default_rng([seed, stage])
     walk = Walk(worlds, stage, rng, SEQUENCE_LENGTH, action_repeat)
     k = len(task.actions)
-    rewards = np.empty((states, k + 2, len(terms)))
+    taken, squares = np.empty((states, len(terms))), np.empty((states, k + 1, len(terms)))
     sequence = np.zeros(states, dtype=np.int64)
     for n in range(states):
-        rewards[n] = walk.compare()
+        taken[n], squares[n] = _compared(walk)
         sequence[n] = walk.sequence
         on_progress((stage - 1 + (n + 1) / states) / task.n_stages, f"stage {stage}: oracle")
-    squares = np.square(rewards[:, 1:] - rewards[:, :1])
-    effect, low, high = effects(rewards[:, 0], squares, sequence, rng, CONFIDENCE)
+    effect, low, high = effects(taken, squares, sequence, rng, CONFIDENCE)
+    high = np.where(effect == 0.0, RULE_OF_THREE / states, high)
     return StageTruth(
         stage, task.actions, terms, effect[1:], low[1:], high[1:], effect[0], walk.exact, states,
         worlds.env_steps - before, action_repeat,

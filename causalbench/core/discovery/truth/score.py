@@ -18,7 +18,10 @@ from causalbench.core.discovery.truth.oracle import Grade, StageTruth
 
 @dataclass(frozen=True)
 class Score:
-    """Counts of edges; the ratios are 1 where nothing was there to be found or nothing was selected wrongly."""
+    """Counts of edges; the ratios are 1 where nothing was there to be found or nothing was selected wrongly.
+
+    An edge that was left undecided is missed where it is there, and no mistake where it is not.
+    """
 
     true_positives: int
     false_positives: int
@@ -81,6 +84,7 @@ def score_graph(graph: CausalGraph, truth: Iterable[StageTruth], weak_is_present
 def score_rows(graph: CausalGraph, truth: Sequence[StageTruth]) -> list[dict[str, Any]]:
     """One row per stage and one for all: scores on absent and strong edges, and F1 with weak edges as present."""
     plain, with_weak = score_graph(graph, truth), score_graph(graph, truth, weak_is_present=True)
+    undecided = [int(found.left_open.sum()) for found in graph.stages]
     names, nothing = [*(str(stage.stage) for stage in truth), "all"], Score(0, 0, 0)
     both = zip([*plain, sum(plain, nothing)], [*with_weak, sum(with_weak, nothing)], strict=True)
     return [
@@ -91,8 +95,9 @@ def score_rows(graph: CausalGraph, truth: Sequence[StageTruth]) -> list[dict[str
             "f1": score.f1,
             "shd": score.shd,
             "f1_weak_present": weak.f1,
+            "left_undecided": left,
         }
-        for name, (score, weak) in zip(names, both, strict=True)
+        for name, left, (score, weak) in zip(names, [*undecided, sum(undecided)], both, strict=True)
     ]
 
 

@@ -66,8 +66,9 @@ def _training_sets(problem: StageProblem, data: StageSamples, own: KLSettings) -
     training = [(data.random, do) for do in data.interventions]
     if data.extra is not None:
         rng = np.random.default_rng([problem.seed, problem.stage, PLACEBO_STREAM])
+        zeros = 0.25 if problem.settings.intervene == "step" else 0.5
         for _ in range(own.placebo_sets):
-            random, extra = (placebo_copy(s, n_actions, rng) for s in (data.random, data.extra))
+            random, extra = (placebo_copy(s, n_actions, zeros, rng) for s in (data.random, data.extra))
             training.append((random, extra))
     return training
 
