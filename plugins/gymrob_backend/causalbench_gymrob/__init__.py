@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import causalbench_mujoco
 from causalbench.backend import Backend, Capability, Scene, Variant, base_following, hookimpl, require
@@ -24,6 +25,14 @@ def make(control_hz: float = 10.0, timestep: float = 0.005, mobile: bool = False
     from causalbench_gymrob.scene import GymrobScene
 
     return GymrobScene(control_hz, timestep, mobile)
+
+
+@hookimpl
+def causalbench_tasks(register: Callable[[Any], None]) -> None:
+    """Register what gymnasium-robotics' own environments become in stages."""
+    from causalbench_gymrob.fetch_pick_and_place import TASK as FETCH_PICK_AND_PLACE
+
+    register(FETCH_PICK_AND_PLACE)
 
 
 @hookimpl
