@@ -15,9 +15,11 @@ import pytest
 from causalbench.plugins.manager import installed
 from causalbench.processes import start
 from causalbench.run import cell_log
+from causalbench.run.cell import Keeping
 from causalbench.run.cell_log import LIMIT
-from causalbench.run.executors.cell_process import settle
-from causalbench.run.executors.processes import PRELOAD
+from causalbench.run.executors import processes
+from causalbench.run.executors.cell_process import STOPPED, settle
+from causalbench.run.executors.processes import PRELOAD, Processes
 from causalbench.run.executors.schedule import Queue
 from causalbench.store.run_folder import RunFolder
 from causalbench.suite.cells import DiscoveryCell, LearnerCell
@@ -137,6 +139,36 @@ def test_a_cell_that_ended_as_its_time_did_keeps_its_result(
     settle(cell, start("spawn", _leave), run, "too late")
     assert run.status(cell) == before
     assert before.state == "done"
+
+
+def _stopped_by_others(link: object, mark: str, until: int) -> None:
+    """A process that SIGTERM ends as often as `until`, and that then does its work."""
+    with open(mark, "a") as file:
+        file.write(".")
+        times = file.tell()
+    os._exit(STOPPED if times <= until else 0)
+
+
+@pytest.mark.parametrize(
+    ("until", "times", "reason"),
+    [(1, 2, "its process exited with code 0; see log.txt"), (9, 3, "others have stopped its process 3 times")],
+)
+def test_a_cell_whose_process_others_stop_goes_on_but_not_for_ever(
+    until: int, times: int, reason: str, tiny_suite: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run, mark = RunFolder(tmp_path / "run"), tmp_path / "mark"
+    (cell, *_) = make_plan(load_suite(tiny_suite, installed()), "smoke", installed()).cells
+    monkeypatch.setattr(processes, "RESTARTS", 2)
+    monkeypatch.setattr(
+        processes, "start_cell", lambda *arguments: start("spawn", _stopped_by_others, str(mark), until)
+    )
+    executor = Processes(run, lambda cell, progress: None, Keeping(), 1)
+    executor.start(cell)
+    ended: list[object] = []
+    while not ended:
+        ended = [*executor.ended()]
+    assert len(mark.read_text()) == times
+    assert run.status(cell).reason == reason
 
 
 def test_the_serial_executor_goes_on_after_an_exception(run: Callable, tmp_path: Path) -> None:

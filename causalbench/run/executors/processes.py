@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import multiprocessing.connection
 import time
+from collections import Counter
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 
 from causalbench.processes import Child, preload
 from causalbench.run.cell import Keeping
 from causalbench.run.cell_log import INTERVAL, cut
-from causalbench.run.executors.cell_process import settle, start_cell, stop_all
+from causalbench.run.executors.cell_process import STOPPED, settle, start_cell, stop_all
 from causalbench.run.executors.limits import Limit, Limits
 from causalbench.run.executors.schedule import OnCellProgress
-from causalbench.store.cells import LOG
+from causalbench.store.cells import LOG, Status
 from causalbench.store.run_folder import RunFolder
 from causalbench.suite.cells import Cell
 
@@ -27,6 +28,9 @@ PRELOAD = [
     "causalbench.run.executors.cell_process",
 ]
 """What the fork server imports once for all cells. Never a simulator: many cannot be forked."""
+
+RESTARTS = 5
+"""How often a cell goes on from its checkpoint after others have stopped its process, as SIGTERM does."""
 
 
 @dataclass
@@ -66,6 +70,7 @@ class Processes:
         self.run, self.on_progress, self.keeping, self.jobs = run, on_progress, keeping, jobs
         self.limits, self.alone = Limits(timeout), alone
         self._running: list[_Job] = []
+        self._stopped = Counter[str]()  # cell id -> how often others have stopped its process
 
     def free(self) -> int:
         """Cores that no cell has."""
@@ -89,7 +94,18 @@ class Processes:
             settle(job.cell, job.child, self.run, job.over)
             if self.run.status(job.cell).state == "done":
                 self.limits.took(job.cell, now - job.started)
-        return [job.cell for job in over]
+        return [job.cell for job in over if not self._goes_on(job)]
+
+    def _goes_on(self, job: _Job) -> bool:
+        """Whether the cell was started again, since its process was stopped by others; not for ever."""
+        if job.child.process.exitcode != STOPPED or self.run.status(job.cell).state != "running":
+            return False
+        self._stopped[job.cell.id] += 1
+        if (times := self._stopped[job.cell.id]) > RESTARTS:
+            self.run.finish(job.cell, Status("failed", f"others have stopped its process {times} times"))
+            return False
+        self.start(job.cell)
+        return True
 
     def _receive(self) -> None:
         """Wait until a cell reports or ends, but not beyond a deadline, and hand on what was reported; bound logs."""
