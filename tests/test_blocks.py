@@ -91,7 +91,7 @@ def test_python_runs_as_it_stands(block: Block, monkeypatch: pytest.MonkeyPatch)
     module = types.ModuleType("documentation")
     monkeypatch.setitem(sys.modules, module.__name__, module)  # where dataclasses look up their types
     with warnings.catch_warnings():
-        warnings.simplefilter("default")
+        warnings.simplefilter("ignore")
         exec(compile(block.code, str(block), "exec"), vars(module))  # a page of this repository
 
 

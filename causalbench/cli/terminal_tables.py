@@ -132,8 +132,8 @@ def print_status(found: RunStatus) -> None:
     states = ", ".join(f"{number} {state}" for state, number in found.states.items())
     left = "" if found.left is None else f", about {duration(found.left)} left"
     _print(f"{found.folder}: {100 * found.fraction:.0f}% of {found.planned} cells ({states}){left}")
-    who = f"held by {found.holder}" if found.holder else "nobody works on it; `causalbench run` goes on with it"
-    _print(f"  {who}")
+    idle = "finished" if set(found.states) == {"done"} else "nobody works on it; `causalbench run` goes on with it"
+    _print(f"  held by {found.holder}" if found.holder else f"  {idle}")
     for cell in found.running:
         rest = "" if cell.left is None or not found.holder else f", {duration(cell.left)} left"
         name = f"{cell.method} on {cell.backend}, seed {cell.seed}"
