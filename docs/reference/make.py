@@ -62,7 +62,7 @@ def _comments_of(source: str) -> dict[str, str]:
     assert isinstance(body, ast.ClassDef)
     for node in body.body:
         if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
-            lines = [node.end_lineno] if node.end_lineno in by_line else []
+            lines = [line for line in range(node.lineno, (node.end_lineno or 0) + 1) if line in by_line]
             above = node.lineno - 1
             while not lines and above in by_line and source.splitlines()[above - 1].lstrip().startswith("#"):
                 lines, above = [above], above - 1

@@ -52,9 +52,8 @@ class AnytimeSettings:
     max_actions_inexact: Annotated[int, Gt(0)] = 4_000  # and where they do not
     level: Annotated[float, Gt(0), Le(1)] = 0.05  # chance of any wrong edge in the whole graph
     miss: Annotated[float, Gt(0), Le(1)] = 0.1  # chance of calling one strong edge absent
-    rare: Annotated[float, Gt(0), Le(1)] = (
-        0.02  # share of states: what acts in fewer is absent once the steps are spent
-    )
+    # Share of states: what acts in fewer is absent once the steps are spent.
+    rare: Annotated[float, Gt(0), Le(1)] = 0.02
 
 
 class Verdicts:
