@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import functools
 import json
+import math
 import stat
 from collections.abc import Iterator, Mapping
 from pathlib import Path, PurePosixPath
@@ -41,7 +42,7 @@ def read_json(path: Path) -> dict[str, Any]:
     """The JSON object in the file `path`. Raises `DamagedFileError` when there is none."""
     check_file(path)
     try:
-        content = json.loads(path.read_bytes(), parse_constant=_refuse)
+        content = json.loads(path.read_bytes(), parse_constant=_refuse, parse_float=_finite)
     except (OSError, ValueError, RecursionError) as error:
         raise DamagedFileError(f"{path}: not the JSON that was written ({error})") from error
     if not isinstance(content, dict):
@@ -106,6 +107,13 @@ def _digest(path: Path) -> str:
 
 def _parents(folder: Path, below: PurePosixPath) -> Iterator[Path]:
     return (folder / parent for parent in below.parents if parent.parts)
+
+
+def _finite(text: str) -> float:
+    """The number; one that is too large would be infinite, which JSON cannot write."""
+    if not math.isfinite(number := float(text)):
+        _refuse(text)
+    return number
 
 
 def _refuse(constant: str) -> NoReturn:

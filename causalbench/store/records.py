@@ -119,6 +119,8 @@ def table_rows(path: Path, columns: Sequence[str] = ()) -> list[dict[str, str]]:
         found = tuple(reader.fieldnames or ())
     if not rows and (not columns or found[: len(columns)] != tuple(columns)):
         raise ValueError("no rows")
+    if any(None in row or None in row.values() for row in rows):  # DictReader's for what is too much or too little
+        raise ValueError("a row of another length")
     return rows
 
 
