@@ -9,9 +9,9 @@ import pandas as pd
 
 
 def read_edges(run: Path) -> pd.DataFrame:
-    """The rows of `discovery.csv` in the folder of a run; an empty `variant` is the empty text."""
+    """The rows of `discovery.csv` in the folder of a run; an empty `grid_point` is the empty text."""
     edges = pd.read_csv(run / "discovery.csv")
-    return edges.assign(variant=edges["variant"].fillna(""))
+    return edges.assign(grid_point=edges["grid_point"].fillna(""))
 
 
 def edge_scores(edges: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:

@@ -9,4 +9,4 @@ from pathlib import Path
 from causalbench.report.edge_scores import edge_scores, read_edges
 
 edges = read_edges(Path(sys.argv[1]))
-print(edge_scores(edges, ["backend", "variant"]).to_string())
+print(edge_scores(edges, ["backend", "grid_point"]).to_string())

@@ -59,8 +59,8 @@ class AnytimeSettings:
 class Verdicts:
     """The edges of one stage: log e-values for and against each, and what they decide."""
 
-    def __init__(self, pairs: Pairs, level: float, miss: float) -> None:
-        self.pairs = pairs
+    def __init__(self, pairs: Pairs, level: float, miss: float, rare: float) -> None:
+        self.pairs, self.least = pairs, UNSEEN / rare
         self.bars = math.log(1.0 / level), math.log(1.0 / miss)
         self.present, self.absent = np.zeros(pairs.shape, dtype=bool), np.zeros(pairs.shape, dtype=bool)
         self.event = np.ones(pairs.shape[1])
@@ -80,15 +80,15 @@ class Verdicts:
         for k in np.flatnonzero(self.open.any(1)):
             self._judge(int(k), sizes[measured[:, k], k], spreads[measured[:, k], k], last)
 
-    def close(self, rare: float) -> None:
+    def close(self) -> None:
         """What exact snapshots say of the edges that are open once the steps are spent.
 
         Whatever had an effect is a cause, and counts if the effect is large enough by its estimate; whatever never had
-        one is absent, if an effect in a share `rare` of the states would have shown by now.
+        one is absent, if it was measured in so many states that an effect in a share `rare` of them would have shown.
         """
         if self.pairs.exact:
             self.present |= self.open & (self.effect > math.sqrt(ABSENT_BELOW * STRONG_ABOVE))
-            self.absent |= self.open & (self.effect == 0.0) & (self.states >= UNSEEN / rare)
+            self.absent |= self.open & (self.effect == 0.0) & (self.states >= self.least)
 
     def _judge(self, k: int, sizes: Array, spreads: Array, last: bool) -> None:
         still = self.open[k].copy()
@@ -97,7 +97,8 @@ class Verdicts:
         self.effect[k, still], self.states[k, still] = sizes.mean(0)[still], len(sizes)
         self.e_value[k, still] = found[still]
         self.present[k] |= still & (found >= self.bars[0])
-        self.absent[k] |= still & ~self.present[k] & (against >= self.bars[1])
+        unseen = self.pairs.exact & (sizes == 0.0).all(0) & (len(sizes) < self.least)
+        self.absent[k] |= still & ~self.present[k] & (against >= self.bars[1]) & ~unseen
         closed = still & ~self.open[k]
         self._bound(k, still if last else closed, sizes)
 
@@ -166,7 +167,7 @@ def _measured(problem: StageProblem, pairs: Pairs) -> Verdicts:
         len(task.actions) * len(task.stage_terms(stage, discoverable_only=True))
         for stage in range(1, task.n_stages + 1)
     )
-    verdicts = Verdicts(pairs, own.level / edges, own.miss)
+    verdicts = Verdicts(pairs, own.level / edges, own.miss, own.rare)
     budget = (own.max_actions if pairs.exact else own.max_actions_inexact) * pairs.walk.action_repeat
     next_look = 0.0
     while verdicts.open.any() and pairs.env_steps + pairs.most <= budget:
@@ -176,7 +177,7 @@ def _measured(problem: StageProblem, pairs: Pairs) -> Verdicts:
             next_look = pairs.visited * NEXT_LOOK
         problem.report(pairs.env_steps / budget, f"{int(verdicts.open.sum())} edges undecided")
     verdicts.look(last=True)
-    verdicts.close(own.rare)
+    verdicts.close()
     if pairs.refused > len(pairs.taken):
         raise UndecidedStageError(f"{pairs.refused} of {pairs.visited} states were not finite")
     return verdicts
