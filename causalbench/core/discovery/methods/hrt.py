@@ -21,7 +21,7 @@ from causalbench.core.discovery.graph import EvidenceColumn, StageGraph
 from causalbench.core.discovery.methods.anytime import betting
 from causalbench.core.discovery.registry import RANDOM, Discoverer, StageProblem
 from causalbench.core.discovery.samples.transitions import Samples
-from causalbench.errors import UndecidedStageError
+from causalbench.errors import UndecidedStageError, UserError
 
 if TYPE_CHECKING:
     from sklearn.ensemble import HistGradientBoostingRegressor
@@ -100,11 +100,14 @@ class _Model:
 
 
 def _boosted(seed: int) -> HistGradientBoostingRegressor:
-    from sklearn.ensemble import HistGradientBoostingRegressor  # takes a second to import
-
+    try:
+        from sklearn.ensemble import HistGradientBoostingRegressor  # takes a second to import
+    except ImportError as error:
+        raise UserError(f"tests of random samples need scikit-learn: pip install '{EXTRA}'") from error
     return HistGradientBoostingRegressor(max_iter=80, max_leaf_nodes=15, learning_rate=0.1, random_state=seed)
 
 
+EXTRA = "causalbench-robotics[causal-learn]"
 DISCOVERER = Discoverer(
     "hrt",
     discover_stage,
@@ -116,5 +119,5 @@ DISCOVERER = Discoverer(
     ),
     reads=RANDOM,
     modules=("sklearn",),
-    extra="causalbench-robotics[causal-learn]",
+    extra=EXTRA,
 )  # fmt: skip
