@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from causalbench.errors import UnfinishedRunError
-from causalbench.plugins.manager import installed
+from causalbench.plugins import manager
 from causalbench.processes import use_one_thread_each
 from causalbench.run.cell import Keeping
 from causalbench.run.session import Execution, run_plan
@@ -45,7 +45,7 @@ def run_suite(
     use_one_thread_each()
     plan, folder, file = planned(suite, tier, out, seeds, only)
     execution = Execution(executor, jobs, None, False, Keeping())
-    run_plan(plan, folder, file, installed(), execution, Silent(), lambda: write_all(folder))
+    run_plan(plan, folder, file, manager.installed(), execution, Silent(), lambda: write_all(folder))
     unfinished = {cell.id: folder.status(cell) for cell in plan.cells if folder.status(cell).state != "done"}
     if unfinished:
         reasons = "; ".join(f"{name} {status.state}: {status.reason}" for name, status in unfinished.items())
@@ -59,8 +59,8 @@ def planned(
     suite: str | PathLike[str], tier: str, out: str | PathLike[str] | None, seeds: int | None, only: Sequence[str]
 ) -> tuple[Plan, RunFolder, SuiteFile]:
     """The cells of a suite's tier, the folder for them, and the suite. Raises `UserError`."""
-    file = load_suite(find_suite(Path(suite)), installed())
-    plan = make_plan(file, tier, installed(), seeds, only)
+    file = load_suite(find_suite(Path(suite)), manager.installed())
+    plan = make_plan(file, tier, manager.installed(), seeds, only)
     return plan, RunFolder(Path(out or f"runs/{file.suite.name}-{tier}")), file
 
 

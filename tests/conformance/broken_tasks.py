@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
+import atexit
 import dataclasses
 import itertools
 import os
+import shutil
 import sys
+import tempfile
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
-sys.path[:0] = [str(EXAMPLES / name) for name in ("a_task", "a_gym_task") if str(EXAMPLES / name) not in sys.path]
+MODULES = Path(tempfile.mkdtemp())
+"""The modules alone, for the path of new processes: beside the examples may lie what makes them installed plugins."""
+atexit.register(shutil.rmtree, MODULES)
+for path in (EXAMPLES / "a_task/causalbench_hover.py", EXAMPLES / "a_gym_task/causalbench_mountain_car.py"):
+    shutil.copy(path, MODULES)
+sys.path.insert(0, str(MODULES))
 
-import causalbench_hover as hover  # noqa: E402 - a new process finds it by the path
+import causalbench_hover as hover  # noqa: E402
 import causalbench_mountain_car as car  # noqa: E402
 from causalbench.core.tasks.stage_task import StageTask  # noqa: E402
 

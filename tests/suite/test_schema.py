@@ -80,7 +80,7 @@ def test_the_suite_of_the_page_for_backend_authors_is_valid(tmp_path: Path, plug
 def test_the_suites_of_the_page_on_suites_are_valid(tmp_path: Path, plugins: Plugins) -> None:
     page = (Path(__file__).parents[2] / "docs" / "how-to" / "suite.md").read_text()
     texts = [part.partition("```")[0] for part in page.split("```yaml\n")[1:]]
-    assert [load(tmp_path, text, plugins).suite.name for text in texts] == ["rates", "sample_sizes"]
+    assert [load(tmp_path, text, plugins).suite.name for text in texts] == ["rates", "sample_sizes", "carried"]
 
 
 def refused(folder: Path, text: str, plugins: Plugins) -> str:

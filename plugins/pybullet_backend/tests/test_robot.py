@@ -16,9 +16,9 @@ from causalbench_mujoco.fetch_assets import fetch_assets
 from causalbench_pybullet import robot
 from causalbench_pybullet.engine import pb
 from causalbench_pybullet.reading import read_poses
-from causalbench_pybullet.world import World
+from causalbench_pybullet.world import Shapes, World
 
-SHAPES = ((0.3, 0.5, 0.3), (0.05, 0.015, 0.025), (0.2,))
+SHAPES = Shapes(((0.3, 0.5, 0.3),), ((0.05, 0.015, 0.025),), (0.2,))
 CONFIGURATIONS = 100
 
 
