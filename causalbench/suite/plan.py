@@ -108,7 +108,7 @@ class _Planner:
     def check_hypotheses(self, cells: Iterable[Cell]) -> None:
         """Refuse a hypothesis about a method that `cells` have at several points of the grid. Raises `SuiteError`."""
         points: dict[str, set[str]] = {}
-        for cell in cells:
+        for cell in cells if self.suite.hypotheses else ():
             if isinstance(cell, LearnerCell):
                 points.setdefault(cell.method.name, set()).add(canonical_json(cell.grid_point))
         for index, text in enumerate(self.suite.hypotheses):
@@ -164,8 +164,10 @@ class _Planner:
             if not self.suite.methods:
                 yield from (self._discovery(backend, seed, combination) for seed in seeds)
             for method in methods:
-                for seed in seeds:
-                    cell = self._learner(backend, method, seed, combination)
+                first = self._learner(backend, method, seeds[0], combination)
+                for seed in seeds:  # of which all but the seed and the graph is the same
+                    own = first.discovery and self._discovery(backend, seed, combination)
+                    cell = replace(first, seed=seed, discovery=own)
                     if cell.discovery:
                         yield cell.discovery
                     yield cell
