@@ -4,32 +4,23 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
-import tomllib
 from pathlib import Path
 
 import pytest
-from installing import call, install
+from generated import ROOT, RUFF, written
+from installing import call
 
 from causalbench.conformance.suite import CHECKS
 from causalbench.errors import UserError
 from causalbench.scaffold import write_backend
 
-ROOT = Path(__file__).parents[1]
 OUTCOMES = {"pass": 40, "fail": 0, "not applicable": 14}
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory, command: list[str]) -> Path:
     """The generated package, and in `site` the plugin as pip installs it."""
-    parent = tmp_path_factory.mktemp("author")
-    done = subprocess.run([*command, "new-backend", "my_sim"], cwd=parent, capture_output=True, text=True, check=True)
-    assert done.stdout.startswith(
-        "wrote my_sim_backend; now: pip install -e my_sim_backend && causalbench check my_sim"
-    )
-    folder = parent / "my_sim_backend"
-    install(folder, folder / "site")
-    return folder
+    return written(command, "backend", "my_sim", "check", tmp_path_factory.mktemp("author"))
 
 
 def test_it_passes_check_as_generated(folder: Path) -> None:
@@ -45,16 +36,11 @@ def test_its_own_tests_are_the_contract(folder: Path) -> None:
     assert f"3 passed, 1 skipped, {len(CHECKS) - 4} deselected" in done.stdout, done.stdout
 
 
-RULES = ",".join(tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["ruff"]["lint"]["select"])
-ISOLATED = ("--isolated", "--line-length", "120")
-
-
 @pytest.mark.parametrize("name", ["x", "a_name_as_long_as_that_of_some_simulators"])
 @pytest.mark.parametrize(
     "tool",
     [
-        ("ruff", "check", *ISOLATED, "--select", RULES, "--ignore", "D107", "tests"),
-        ("ruff", "format", *ISOLATED, "--check", "tests"),
+        *RUFF,
         pytest.param(
             ("mypy", "--strict", "--follow-imports", "silent", "--cache-dir", os.devnull), marks=pytest.mark.long
         ),

@@ -3,33 +3,22 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import tomllib
 from pathlib import Path
 
 import pytest
-from installing import call, install
+from generated import RUFF, written
+from installing import call
 
 from causalbench.errors import UserError
 from causalbench.scaffold import write_task
 
-ROOT = Path(__file__).parents[1]
-RULES = ",".join(tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["ruff"]["lint"]["select"])
-ISOLATED = ("--isolated", "--line-length", "120")
 NOT_APPLICABLE = {"T3", "T18", "T21", "T22", "T26"}
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory, command: list[str]) -> Path:
     """The generated package, and in `site` the plugin as pip installs it."""
-    parent = tmp_path_factory.mktemp("author")
-    done = subprocess.run([*command, "new-task", "my_task"], cwd=parent, capture_output=True, text=True, check=True)
-    assert done.stdout.startswith(
-        "wrote my_task_task; now: pip install -e my_task_task && causalbench check --task my_task"
-    )
-    folder = parent / "my_task_task"
-    install(folder, folder / "site")
-    return folder
+    return written(command, "task", "my_task", "check --task", tmp_path_factory.mktemp("author"))
 
 
 def test_it_passes_check_as_generated(folder: Path) -> None:
@@ -45,14 +34,7 @@ def test_its_own_tests_are_the_contract(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["x", "a_name_as_long_as_that_of_some_tasks"])
-@pytest.mark.parametrize(
-    "tool",
-    [
-        ("ruff", "check", *ISOLATED, "--select", RULES, "--ignore", "D107", "tests"),
-        ("ruff", "format", *ISOLATED, "--check", "tests"),
-    ],
-    ids=["ruff check", "ruff format"],
-)
+@pytest.mark.parametrize("tool", RUFF, ids=["ruff check", "ruff format"])
 def test_it_is_clean_whatever_its_name(tool: tuple[str, ...], name: str, tmp_path: Path) -> None:
     folder = write_task(name, tmp_path)
     done = call(folder, folder, *tool, f"causalbench_{name}")

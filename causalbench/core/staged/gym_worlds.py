@@ -12,11 +12,17 @@ from numpy.typing import NDArray
 
 from causalbench.core.staged.gym_starts import GymStarts
 from causalbench.core.staged.gym_world import GymWorld
-from causalbench.core.staged.observation import Observation, Observe, checked_choice, features_space, no_sectors
+from causalbench.core.staged.observation import (
+    Observation,
+    Observe,
+    checked_choice,
+    features_space,
+    no_sectors,
+    sense_nothing,
+)
 from causalbench.core.staged.worlds import Origin, Step, Worlds, check_count
 from causalbench.core.tasks.gym_task import GymTask
 from causalbench.core.world.capabilities import Capability
-from causalbench.errors import UserError
 
 Array = NDArray[np.float64]
 
@@ -90,9 +96,7 @@ class GymWorlds(Worlds):
 
     def sense(self, sensor: str) -> NDArray[Any]:
         """See `Worlds`."""
-        if sensor:
-            raise UserError(f"task {self.task.name!r} has no sensor {sensor!r}: all that it observes is its state")
-        return np.empty((*self.shape, 0), np.uint8)
+        return sense_nothing(self.task, sensor, self.shape)
 
     def choose_observation(self, gripper: bool = True, observe: Observe = "state", features: bool = True) -> None:
         """See `Worlds`; there is nothing but features to choose."""

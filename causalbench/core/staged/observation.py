@@ -130,6 +130,13 @@ def no_sectors(task: StageTask) -> UserError:
     return UserError(f"task {task.name!r} observes no LiDAR, so it has no `sectors`; use `state`")
 
 
+def sense_nothing(task: StageTask, sensor: str, shape: tuple[int, ...]) -> NDArray[Any]:
+    """`Worlds.sense` of worlds of `shape` without sensors: (*shape, 0). Raises `UserError` for any sensor."""
+    if sensor:
+        raise UserError(f"task {task.name!r} has no sensor {sensor!r}: all that it observes is its state")
+    return np.empty((*shape, 0), np.uint8)
+
+
 def features_space(task: StageTask) -> gym.spaces.Box:
     """The space of the task's features in one world."""
     return gym.spaces.Box(-FEATURE_BOUND, FEATURE_BOUND, (len(task.feature_names),), np.float32)

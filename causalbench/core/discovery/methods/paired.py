@@ -25,8 +25,9 @@ from annotated_types import Gt
 from numpy.typing import NDArray
 
 from causalbench.core.discovery.graph import EvidenceColumn, StageGraph
+from causalbench.core.discovery.methods.trials import Trials
 from causalbench.core.discovery.registry import NO_SAMPLES, Discoverer, StageProblem
-from causalbench.core.discovery.samples.transitions import Samples, varies
+from causalbench.core.discovery.samples.transitions import varies
 from causalbench.core.discovery.truth.effects import ABSENT_BELOW, STRONG_ABOVE, effects
 from causalbench.core.world.capabilities import Capability
 from causalbench.errors import UndecidedStageError
@@ -62,16 +63,16 @@ def measure(problem: StageProblem) -> tuple[StageGraph, Walk]:
     edges, budget = _Edges(walk), problem.options.max_actions * repeat
     n_actions = len(problem.task.actions)
     next_look, most = FIRST_LOOK, (n_actions + 3 if walk.exact else 2 * n_actions + 2) * repeat  # that one state takes
-    while edges.open.any() and edges.env_steps + most <= budget:
+    while edges.open.any() and edges.trials.env_steps + most <= budget:
         edges.measure()
         if edges.walk.sequence >= next_look:
             edges.look(rng)
             next_look = math.ceil(edges.walk.sequence * NEXT_LOOK)
-        problem.report(edges.env_steps / budget, f"{int(edges.open.sum())} edges undecided")
+        problem.report(edges.trials.env_steps / budget, f"{int(edges.open.sum())} edges undecided")
     if edges.refused > len(edges.taken):
         raise UndecidedStageError(f"{edges.refused} of {edges.refused + len(edges.taken)} states were not finite")
     edges.look(rng)
-    problem.keep("pairs", edges.samples())
+    problem.keep("pairs", edges.trials.samples(edges.refused))
     return edges.graph(), walk
 
 
@@ -79,7 +80,7 @@ class _Edges:
     """All (action, term) edges of one stage: what was measured of them, and what was decided."""
 
     def __init__(self, walk: Walk) -> None:
-        self.walk, self.exact = walk, walk.exact
+        self.walk, self.exact, self.trials = walk, walk.exact, Trials(walk)
         shape = (len(walk.task.actions), len(walk.terms))
         self.open = np.ones(shape, dtype=bool)
         self.effect, self.low, self.high, self.pairs = (np.zeros(shape) for _ in range(4))
@@ -87,20 +88,20 @@ class _Edges:
         self.taken: list[Array] = []  # (n_terms,) rewards of the drawn actions
         self.squares: list[Array] = []  # (n_actions, n_terms), 0 for an action without open edges: it is not measured
         self.sequence: list[int] = []
-        self.env_steps = self.refused = 0
-        self.steps: list[tuple[NDArray[np.float32], Array, Array, int]] = []  # state, action, rewards, sequence
+        self.refused = 0
 
     def measure(self) -> None:
         """One more state: the drawn action, and it with each action that has open edges at 0, alone or in a group."""
         drawn = self.walk.visit()
-        taken = self._try(drawn, None)
+        taken = self.trials.rewards(drawn, None)
         self._add(taken, self._squares(drawn, taken) if self.exact else self._products(drawn, taken))
 
     def _products(self, drawn: Array, taken: Array) -> Array:
         """(n_actions, n_terms) products of two independent differences, whose mean errors of restoring do not move."""
-        products, again = np.zeros(self.open.shape), self._try(drawn, [])
+        products, again = np.zeros(self.open.shape), self.trials.rewards(drawn, [])
         for k in np.flatnonzero(self.open.any(1)):
-            products[k] = (self._try(drawn, [int(k)]) - taken) * (self._try(drawn, [int(k)]) - again)
+            one, other = (self.trials.rewards(drawn, [int(k)]) for _ in range(2))
+            products[k] = (one - taken) * (other - again)
         return products
 
     def _squares(self, drawn: Array, taken: Array) -> Array:
@@ -108,13 +109,13 @@ class _Edges:
         squares = np.zeros(self.open.shape)
         alone, group = self._split()
         if group:
-            together = (self._try(drawn, group) - taken) ** 2
+            together = (self.trials.rewards(drawn, group) - taken) ** 2
             if (self._moves(together) & self.open.any(0)).any():
                 alone += group
             else:
                 squares[group] = together
         for k in alone:
-            squares[k] = (self._try(drawn, [k]) - taken) ** 2
+            squares[k] = (self.trials.rewards(drawn, [k]) - taken) ** 2
         return squares
 
     def _add(self, taken: Array, squares: Array) -> None:
@@ -126,15 +127,6 @@ class _Edges:
         self.taken.append(taken)
         self.squares.append(squares)
         self.sequence.append(self.walk.sequence)
-
-    def _try(self, drawn: Array, off: list[int] | None) -> Array:
-        """Rewards of the drawn action with those in `off` at 0; None takes it."""
-        action = drawn.copy()
-        action[off or []] = 0.0
-        reward = self.walk.take(action) if off is None else self.walk.reward_of(action)
-        self.env_steps += self.walk.action_repeat
-        self.steps.append((self.walk.model_inputs(), action, reward, self.walk.sequence))
-        return reward
 
     def _split(self) -> tuple[list[int], list[int]]:
         """Actions to try alone and actions to try together."""
@@ -180,18 +172,6 @@ class _Edges:
         ]
         notes = tuple(undecided)
         return StageGraph.decided(walk.task, walk.stage, present, testable, evidence, notes, self.open)
-
-    def samples(self) -> Samples:
-        """Every step that was taken: of each state first the drawn action, then what it was compared with."""
-        states, actions, rewards, sequence = (np.array(column) for column in zip(*self.steps, strict=True))
-        return Samples(
-            states,
-            actions.astype(np.float32),
-            rewards.astype(np.float32),
-            sequence.astype(np.int32),
-            self.env_steps,
-            self.refused,
-        )
 
 
 EVIDENCE = (

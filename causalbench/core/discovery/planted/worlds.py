@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from causalbench.core.discovery.planted.forms import FORMS
 from causalbench.core.discovery.planted.spec import N_OBSERVED, N_STATE, VERSION, PlantedTerm, PlantedWorld
-from causalbench.core.staged.observation import Observation, Observe, checked_choice, no_sectors
+from causalbench.core.staged.observation import Observation, Observe, checked_choice, no_sectors, sense_nothing
 from causalbench.core.staged.worlds import Origin, Step, Worlds, check_count
 from causalbench.core.world.capabilities import Capability
 from causalbench.errors import UserError
@@ -124,9 +124,7 @@ class PlantedWorlds(Worlds):
 
     def sense(self, sensor: str) -> NDArray[Any]:
         """See `Worlds`; there is no sensor."""
-        if sensor:
-            raise UserError(f"task {self.task.name!r} has no sensor {sensor!r}: all that it observes is its state")
-        return np.empty((*self.shape, 0), np.uint8)
+        return sense_nothing(self.task, sensor, self.shape)
 
     def choose_observation(self, gripper: bool = True, observe: Observe = "state", features: bool = True) -> None:
         """See `Worlds`; there is nothing to choose."""

@@ -11,6 +11,7 @@ from causalbench.core.discovery.samples.transitions import varies
 
 Array = NDArray[np.float64]
 
+RULE_OF_THREE = 3.0  # what n states did not show happens in less than 3 / n of them, with 95% confidence
 ABSENT_BELOW = 0.005  # upper bound of the interval of an effect
 STRONG_ABOVE = 0.05  # lower bound
 RESAMPLES = 2000

@@ -18,13 +18,12 @@ from numpy.typing import NDArray
 
 from causalbench.core.discovery.graph import CausalGraph, StageGraph, declared_matrix
 from causalbench.core.discovery.truth.counterfactual import Walk
-from causalbench.core.discovery.truth.effects import ABSENT_BELOW, STRONG_ABOVE, effects
+from causalbench.core.discovery.truth.effects import ABSENT_BELOW, RULE_OF_THREE, STRONG_ABOVE, effects
 from causalbench.core.staged.worlds import MakeWorlds, Worlds
 from causalbench.core.tasks.stage_task import StageTask
 
 ORACLE_STATES = 400  # visited states per stage
 CONFIDENCE = 0.95
-RULE_OF_THREE = 3.0  # what n states did not show happens in less than 3 / n of them, with 95% confidence
 SEQUENCE_LENGTH = 10  # as in discovery, so that both speak of the same states
 
 

@@ -29,7 +29,7 @@ from causalbench.core.discovery.methods.anytime import betting
 from causalbench.core.discovery.methods.anytime.pairs import Pairs
 from causalbench.core.discovery.registry import RANDOM, Discoverer, StageProblem
 from causalbench.core.discovery.samples.transitions import varies
-from causalbench.core.discovery.truth.effects import ABSENT_BELOW, STRONG_ABOVE
+from causalbench.core.discovery.truth.effects import ABSENT_BELOW, RULE_OF_THREE, STRONG_ABOVE
 from causalbench.core.world.capabilities import Capability
 from causalbench.errors import UndecidedStageError
 
@@ -37,7 +37,6 @@ Array = NDArray[np.float64]
 
 LEAST_SEQUENCES = 5  # before anything is decided, since the variance of a reward is known from sequences
 NEXT_LOOK = 1.1  # growth from look to look, to save time alone: e-values allow any number
-UNSEEN = 3.0  # what n states did not show happens in less than 3 / n of them, with 95% confidence
 NO_SNAPSHOTS = "nothing can be restored here: random samples were tested, which prove no edge absent"
 STREAM = 104  # beside the numbers of the sets of samples and of the other discoverers
 GRID = np.geomspace(1e-4, 10.0, 61)
@@ -60,7 +59,7 @@ class Verdicts:
     """The edges of one stage: log e-values for and against each, and what they decide."""
 
     def __init__(self, pairs: Pairs, level: float, miss: float, rare: float) -> None:
-        self.pairs, self.least = pairs, UNSEEN / rare
+        self.pairs, self.least = pairs, RULE_OF_THREE / rare
         self.bars = math.log(1.0 / level), math.log(1.0 / miss)
         self.present, self.absent = np.zeros(pairs.shape, dtype=bool), np.zeros(pairs.shape, dtype=bool)
         self.event = np.ones(pairs.shape[1])
@@ -133,7 +132,7 @@ def _event(sizes: Array) -> Array:
 def _asymptotic(values: Array, limit: float) -> Array:
     """Log of how far the mean lies below `limit`, at any time, of many `values` (Robbins 1970, normal mixture)."""
     n, sd = len(values), np.fmax(values.std(0), 1e-300)
-    z = math.sqrt(n) * np.fmax(limit - UNSEEN / n - values.mean(0), 0.0) / sd
+    z = math.sqrt(n) * np.fmax(limit - RULE_OF_THREE / n - values.mean(0), 0.0) / sd
     return np.asarray(0.5 * z**2 * n / (n + PRIOR) - 0.5 * math.log1p(n / PRIOR))
 
 
@@ -147,7 +146,7 @@ def discover_stage(problem: StageProblem) -> StageGraph:
     rng = np.random.default_rng([problem.seed, problem.stage, STREAM])
     pairs = Pairs(problem.walk(rng))
     verdicts = _measured(problem, pairs)
-    problem.keep("pairs", pairs.samples())
+    problem.keep("pairs", pairs.trials.samples(pairs.refused))
     return _graph(problem, verdicts)
 
 
@@ -170,12 +169,12 @@ def _measured(problem: StageProblem, pairs: Pairs) -> Verdicts:
     verdicts = Verdicts(pairs, own.level / edges, own.miss, own.rare)
     budget = (own.max_actions if pairs.exact else own.max_actions_inexact) * pairs.walk.action_repeat
     next_look = 0.0
-    while verdicts.open.any() and pairs.env_steps + pairs.most <= budget:
+    while verdicts.open.any() and pairs.trials.env_steps + pairs.most <= budget:
         pairs.visit(verdicts.open)
         if pairs.walk.sequence >= LEAST_SEQUENCES and pairs.visited >= next_look:
             verdicts.look()
             next_look = pairs.visited * NEXT_LOOK
-        problem.report(pairs.env_steps / budget, f"{int(verdicts.open.sum())} edges undecided")
+        problem.report(pairs.trials.env_steps / budget, f"{int(verdicts.open.sum())} edges undecided")
     verdicts.look(last=True)
     verdicts.close()
     if pairs.refused > len(pairs.taken):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from causalbench.core.discovery.samples.transitions import Samples
+from causalbench.core.discovery.methods.trials import Trials
 from causalbench.core.discovery.truth.effects import ABSENT_BELOW
 
 if TYPE_CHECKING:
@@ -35,14 +35,13 @@ class Pairs:
     """What was measured of one stage so far, and the walk that goes on measuring."""
 
     def __init__(self, walk: Walk) -> None:
-        self.walk, self.exact = walk, walk.exact
+        self.walk, self.exact, self.trials = walk, walk.exact, Trials(walk)
         self.shape = (len(walk.task.actions), len(walk.terms))
         self.taken: list[Array] = []  # (n_terms,) of every visited state
         self.compared: list[Compared] = []
         self.measured: list[NDArray[np.bool_]] = []  # (n_actions,), one a compared state
-        self.env_steps = self.refused = self.visited = 0
+        self.refused = self.visited = 0
         self._cheap = False  # whether almost all actions are tried together by now
-        self._steps: list[tuple[NDArray[np.float32], Array, Array, int]] = []
 
     @property
     def most(self) -> int:
@@ -53,7 +52,7 @@ class Pairs:
     def visit(self, open_edges: NDArray[np.bool_]) -> None:
         """One more state, compared for the actions of `open_edges` (n_actions, n_terms) if it is its turn."""
         drawn = self.walk.visit()
-        taken = self._try(drawn, None)
+        taken = self.trials.rewards(drawn, None)
         self.visited += 1
         found = None
         if self.visited % EVERY == 0 or self._cheap:
@@ -77,7 +76,7 @@ class Pairs:
         alone, group = self._split(actions, open_edges)
         self._cheap = len(alone) <= FEW
         if len(group) > 1:
-            together = (self._try(drawn, group) - taken) ** 2
+            together = (self.trials.rewards(drawn, group) - taken) ** 2
             if (together > ABSENT_BELOW * np.var(self.taken or [taken], axis=0))[open_edges.any(0)].any():
                 alone += group
             else:
@@ -85,14 +84,14 @@ class Pairs:
         else:
             alone += group
         for k in alone:
-            square[k] = (self._try(drawn, [k]) - taken) ** 2
+            square[k] = (self.trials.rewards(drawn, [k]) - taken) ** 2
         return Compared(square, np.zeros(self.shape))
 
     def _twice(self, drawn: Array, taken: Array, actions: NDArray[np.int64]) -> Compared:
         product, spread = np.zeros(self.shape), np.zeros(self.shape)
-        again = self._try(drawn, [])
+        again = self.trials.rewards(drawn, [])
         for k in actions:
-            one, other = (self._try(drawn, [int(k)]) for _ in range(2))
+            one, other = (self.trials.rewards(drawn, [int(k)]) for _ in range(2))
             product[k] = (one - taken) * (other - again)
             spread[k] = (one - other) ** 2 - (taken - again) ** 2
         return Compared(product, spread)
@@ -109,18 +108,3 @@ class Pairs:
     def variance(self) -> Array:
         """(n_terms,) of the rewards of random actions."""
         return np.var(self.taken, axis=0)
-
-    def _try(self, drawn: Array, off: list[int] | None) -> Array:
-        """Rewards of the drawn action with those in `off` at 0; None takes it."""
-        action = drawn.copy()
-        action[off or []] = 0.0
-        reward = self.walk.take(action) if off is None else self.walk.reward_of(action)
-        self.env_steps += self.walk.action_repeat
-        self._steps.append((self.walk.model_inputs(), action, reward, self.walk.sequence))
-        return reward
-
-    def samples(self) -> Samples:
-        """Every step that was taken: of each state first the drawn action, then what it was compared with."""
-        states, actions, rewards, sequence = (np.array(column) for column in zip(*self._steps, strict=True))
-        columns = actions.astype(np.float32), rewards.astype(np.float32), sequence.astype(np.int32)
-        return Samples(states, *columns, self.env_steps, self.refused)
