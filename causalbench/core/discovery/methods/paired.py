@@ -93,14 +93,14 @@ class _Edges:
     def measure(self) -> None:
         """One more state: the drawn action, and it with each action that has open edges at 0, alone or in a group."""
         drawn = self.walk.visit()
-        taken = self.trials.rewards(drawn, None)
+        taken = self.trials.reward_without(drawn, None)
         self._add(taken, self._squares(drawn, taken) if self.exact else self._products(drawn, taken))
 
     def _products(self, drawn: Array, taken: Array) -> Array:
         """(n_actions, n_terms) products of two independent differences, whose mean errors of restoring do not move."""
-        products, again = np.zeros(self.open.shape), self.trials.rewards(drawn, [])
+        products, again = np.zeros(self.open.shape), self.trials.reward_without(drawn, [])
         for k in np.flatnonzero(self.open.any(1)):
-            one, other = (self.trials.rewards(drawn, [int(k)]) for _ in range(2))
+            one, other = (self.trials.reward_without(drawn, [int(k)]) for _ in range(2))
             products[k] = (one - taken) * (other - again)
         return products
 
@@ -109,13 +109,13 @@ class _Edges:
         squares = np.zeros(self.open.shape)
         alone, group = self._split()
         if group:
-            together = (self.trials.rewards(drawn, group) - taken) ** 2
+            together = (self.trials.reward_without(drawn, group) - taken) ** 2
             if (self._moves(together) & self.open.any(0)).any():
                 alone += group
             else:
                 squares[group] = together
         for k in alone:
-            squares[k] = (self.trials.rewards(drawn, [k]) - taken) ** 2
+            squares[k] = (self.trials.reward_without(drawn, [k]) - taken) ** 2
         return squares
 
     def _add(self, taken: Array, squares: Array) -> None:

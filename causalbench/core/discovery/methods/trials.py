@@ -22,7 +22,7 @@ class Trials:
         self.walk, self.env_steps = walk, 0
         self._steps: list[tuple[NDArray[np.float32], Array, Array, int]] = []  # state, action, rewards, sequence
 
-    def rewards(self, drawn: Array, off: list[int] | None) -> Array:
+    def reward_without(self, drawn: Array, off: list[int] | None) -> Array:
         """Rewards (n_terms,) of the drawn action with those in `off` at 0; None takes it."""
         action = drawn.copy()
         action[off or []] = 0.0

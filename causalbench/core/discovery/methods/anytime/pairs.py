@@ -52,7 +52,7 @@ class Pairs:
     def visit(self, open_edges: NDArray[np.bool_]) -> None:
         """One more state, compared for the actions of `open_edges` (n_actions, n_terms) if it is its turn."""
         drawn = self.walk.visit()
-        taken = self.trials.rewards(drawn, None)
+        taken = self.trials.reward_without(drawn, None)
         self.visited += 1
         found = None
         if self.visited % EVERY == 0 or self._cheap:
@@ -76,7 +76,7 @@ class Pairs:
         alone, group = self._split(actions, open_edges)
         self._cheap = len(alone) <= FEW
         if len(group) > 1:
-            together = (self.trials.rewards(drawn, group) - taken) ** 2
+            together = (self.trials.reward_without(drawn, group) - taken) ** 2
             if (together > ABSENT_BELOW * np.var(self.taken or [taken], axis=0))[open_edges.any(0)].any():
                 alone += group
             else:
@@ -84,14 +84,14 @@ class Pairs:
         else:
             alone += group
         for k in alone:
-            square[k] = (self.trials.rewards(drawn, [k]) - taken) ** 2
+            square[k] = (self.trials.reward_without(drawn, [k]) - taken) ** 2
         return Compared(square, np.zeros(self.shape))
 
     def _twice(self, drawn: Array, taken: Array, actions: NDArray[np.int64]) -> Compared:
         product, spread = np.zeros(self.shape), np.zeros(self.shape)
-        again = self.trials.rewards(drawn, [])
+        again = self.trials.reward_without(drawn, [])
         for k in actions:
-            one, other = (self.trials.rewards(drawn, [int(k)]) for _ in range(2))
+            one, other = (self.trials.reward_without(drawn, [int(k)]) for _ in range(2))
             product[k] = (one - taken) * (other - again)
             spread[k] = (one - other) ** 2 - (taken - again) ** 2
         return Compared(product, spread)
