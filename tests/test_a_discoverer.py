@@ -20,6 +20,7 @@ def test_it_imports_from_causalbench_what_its_facade_offers() -> None:
     assert imports_of_causalbench(MODULE) == {"causalbench.discoverer"}
 
 
+@pytest.mark.long
 def test_it_finds_what_moves_a_reward_and_shows_by_which_number(site: Path, tmp_path: Path) -> None:
     out = tmp_path / "found"
     options = ("--set", "threshold=0.15", "--set", "training_count=1000", "--out", str(out))

@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 
 import pandas as pd
+import pytest
 from gym_tasks import CAR_FILE
 from installing import call, imports_of_causalbench
 
@@ -39,6 +40,7 @@ def test_gymnasium_makes_it_by_its_id_and_the_expert_solves_it(site: Path, tmp_p
     assert done.stdout.strip().endswith("solved"), done.stderr
 
 
+@pytest.mark.long
 def test_a_suite_discovers_its_causes_ranks_methods_on_it_and_skips_what_cannot_be(site: Path, tmp_path: Path) -> None:
     """On a backend of scenes, too, which has no environment of it; films are made of what was trained."""
     text = (EXAMPLE / "suite.yaml").read_text().replace("[gymnasium]", "[gymnasium, kinematic]")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pandas as pd
+import pytest
 from installing import call, imports_of_causalbench
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "a_task"
@@ -37,6 +38,7 @@ def test_gymnasium_makes_it_by_its_id_and_the_expert_solves_it(site: Path, tmp_p
     assert done.stdout.strip().endswith("solved"), done.stderr
 
 
+@pytest.mark.long
 def test_a_suite_discovers_its_causes_and_ranks_methods_on_it(site: Path, tmp_path: Path) -> None:
     suite = str(EXAMPLE / "suite.yaml")
     done = call(tmp_path, site, "causalbench", "run", suite, "--tier", "smoke", "--out", "run", "--quiet")

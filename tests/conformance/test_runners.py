@@ -110,6 +110,7 @@ def test_pytest_expects_a_gap_and_fails_a_closed_one(call: Callable, tmp_path: P
     assert "XFAIL test_gappy.py::TestGap::test_s04_time - the engine rounds its [clock]" in done.stdout
 
 
+@pytest.mark.long
 def test_a_run_and_its_leaderboard_say_which_gaps_are_known(call: Callable, tiny_suite: Path, tmp_path: Path) -> None:
     text = tiny_suite.read_text().replace("[kinematic]", "[gappy, kinematic]").replace("[cmSAC, mSAC]", "[mSAC]")
     (tmp_path / "gappy.yaml").write_text(text)

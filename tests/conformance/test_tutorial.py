@@ -6,6 +6,7 @@ import json
 import re
 from pathlib import Path
 
+import pytest
 from installing import call, install
 
 from causalbench.scaffold import write_backend
@@ -13,6 +14,7 @@ from causalbench.scaffold import write_backend
 PAGE = Path(__file__).parents[2] / "docs" / "tutorial_backend.md"
 
 
+@pytest.mark.long
 def test_the_tutorial_leads_to_a_green_check(tmp_path: Path) -> None:
     folder = write_backend("mujoco_hand", tmp_path)
     package, text = folder / "causalbench_mujoco_hand", PAGE.read_text()

@@ -20,6 +20,7 @@ from causalbench.core.discovery.graph import manual_graph
 from causalbench.core.kinematic.scenes import WorldsScene
 from causalbench.core.kinematic.worlds import KinematicWorlds
 from causalbench.core.learners.checkpoint import Checkpoints, load_checkpoint, save_checkpoint
+from causalbench.core.learners.ppo.agent import PPOAgent
 from causalbench.core.learners.ppo.settings import PPOSettings
 from causalbench.core.learners.records import Evaluation
 from causalbench.core.learners.sac.settings import SACSettings
@@ -30,7 +31,7 @@ from causalbench.plugins.manager import installed
 
 SETTINGS = {
     "SAC": SACSettings(net_arch=(8, 8), batch_size=16, learning_starts=16, train_every=4, n_envs=2),
-    "PPO": PPOSettings(net_arch=(8, 8), batch_size=16, n_steps=80, n_epochs=2, n_envs=2),
+    "PPO": PPOSettings(net_arch=(8, 8), batch_size=16, n_steps=80, n_epochs=2, n_envs=2, decay_steps=300),
 }
 LOOKS = EvaluationSettings(every=100, episodes=1, final_episodes=1)
 STEPS = 300
@@ -107,6 +108,17 @@ def test_stopped_anywhere_and_repeated_gives_the_same_bits(backend, name, tmp_pa
         with pytest.raises(Kill):
             run(backend, name, path, kill_at=kill_at)
     assert run(backend, name, path) == whole
+
+
+def test_ppos_learning_rate_falls_linearly_and_stays_at_0(monkeypatch):
+    """Epochs of 80 steps: the rate of the first is whole, as in CleanRL, from the third on it is 0."""
+    rates = []
+    monkeypatch.setattr(PPOAgent, "set_learning_rate", lambda agent, rate: rates.append(rate))
+    run("kinematic", "mPPO", decay_steps=160, learning_rate=0.25)
+    assert rates == [rate for rate in (0.25, 0.125, 0.0) for _ in range(STRIPES.n_stages)]
+    rates.clear()
+    run("kinematic", "mPPO", decay_steps=0, learning_rate=0.25)
+    assert set(rates) == {0.25}
 
 
 @pytest.fixture(scope="module")

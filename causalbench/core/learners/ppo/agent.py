@@ -87,6 +87,11 @@ class PPOAgent:
         new = Samples(obs, actions, log_prob, advantages[own], (advantages + values)[own])
         self.samples = Samples(*(torch.cat(pair) for pair in zip(self.samples, new, strict=True)))
 
+    def set_learning_rate(self, rate: float) -> None:
+        """Train with `rate` from now on."""
+        for group in self.optimizer.param_groups:
+            group["lr"] = rate
+
     def train(self) -> None:
         """Algorithm 3, line "training pi_i with causal policy gradient method by using m_i".
 

@@ -20,6 +20,7 @@ class PPOSettings(StagedSettings):
     n_epochs: Annotated[int, Gt(0)] = 10  # passes over an epoch's samples
     batch_size: Annotated[int, Gt(0)] = 64  # also the fewest samples a stage trains on; fewer wait for the next epoch
     learning_rate: Annotated[float, Gt(0)] = 3e-4  # of Adam
+    decay_steps: Annotated[int, Ge(0)] = 0  # env steps in which that rate falls to 0, linearly; 0: it stays
     gamma: Annotated[float, Gt(0), Le(1)] = 0.99  # discount of a control step
     gae_lambda: Annotated[float, Ge(0), Le(1)] = 0.95  # of generalised advantage estimation
     clip_range: Annotated[float, Gt(0)] = 0.2  # how far a probability ratio may move from 1

@@ -43,6 +43,7 @@ class StagedPPO:
         ]
         n_steps = max(1, settings.n_steps // settings.n_envs)
         self.rollout = Rollout(n_steps, settings.n_envs, n_obs, n_actions, len(task.terms))
+        self.settings, self.epochs = settings, 0
         self.policy = StagedPolicy(
             [agent.policy_weights for agent in self.agents],
             [plan.actions for plan in self.plans],
@@ -84,9 +85,17 @@ class StagedPPO:
             return
         for stage, agent in enumerate(self.agents, 1):
             agent.collect(self.rollout.steps, stage)
+            agent.set_learning_rate(self._learning_rate())
             with diverging_in(stage):
                 agent.train()
         self.rollout.length = 0
+        self.epochs += 1
+
+    def _learning_rate(self) -> float:
+        """Of the epoch that has been collected: at its full in the first, at 0 once `decay_steps` have been taken."""
+        rate, decay_steps = self.settings.learning_rate, self.settings.decay_steps
+        taken = self.epochs * self.rollout.steps.stage.numel()
+        return rate * max(0.0, 1.0 - taken / decay_steps) if decay_steps else rate
 
     def updates(self) -> dict[int, int]:
         """Stage -> gradient updates so far."""
@@ -94,7 +103,7 @@ class StagedPPO:
 
     def state(self) -> State:
         """The agents', the unfinished epoch, and the policy's generator."""
-        own: State = {"policy_generator": self.policy.generator.get_state()}
+        own: State = {"policy_generator": self.policy.generator.get_state(), "epochs": self.epochs}
         own |= prefixed("rollout", self.rollout.state())
         for stage, agent in enumerate(self.agents, 1):
             own |= prefixed(f"stage{stage}", agent.state())
@@ -103,6 +112,7 @@ class StagedPPO:
     def load_state(self, state: State) -> None:
         """Go on from `state`."""
         self.policy.generator.set_state(state["policy_generator"])
+        self.epochs = state["epochs"]
         self.rollout.load_state(below("rollout", state))
         for stage, agent in enumerate(self.agents, 1):
             agent.load_state(below(f"stage{stage}", state))
