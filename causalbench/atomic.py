@@ -20,7 +20,10 @@ TEMPORARY = ".causalbench-tmp"
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """A temporary path to make a file at, which then replaces `path`; after an error that stays as it was."""
+    """A temporary path to make a file at, which then replaces `path`; after an error that stays as it was.
+
+    An `OSError` that names no file, as that of a full disk, gets the name of this one.
+    """
     temporary = _temporary(path)
     remove(temporary)
     try:
@@ -28,6 +31,9 @@ def replacing(path: Path) -> Iterator[Path]:
         with temporary.open("rb+") as file:
             os.fsync(file.fileno())
         os.replace(temporary, path)
+    except OSError as error:
+        error.filename = error.filename or str(path)
+        raise
     finally:
         temporary.unlink(missing_ok=True)
 

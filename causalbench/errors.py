@@ -14,6 +14,10 @@ class UserError(CausalbenchError):
     """Raised when the user asked for something that cannot be; the command line prints it and exits with 2."""
 
 
+class StorageError(CausalbenchError):
+    """Raised when a run folder cannot be written any more: the disk is full, or the folder was removed."""
+
+
 class UnknownNameError(UserError):
     """Raised when the user names a backend, task, method or tier that does not exist."""
 

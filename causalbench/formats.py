@@ -15,8 +15,8 @@ CELL: Final = 3
 """The folder of a cell: `cell.json`, `status.json`, `progress.csv`, `episodes.csv`, `counts.json`."""
 GRAPH: Final = 5
 """A causal graph, `graph.json`."""
-CHECKPOINT: Final = 4
-"""What an interrupted training run continues from."""
+CHECKPOINT: Final = 5
+"""What a training run that was interrupted, or has a larger budget now, continues from."""
 POLICY: Final = 4
 """A trained policy, `policy.json` and `policy.safetensors`."""
 SAMPLES: Final = 2

@@ -55,6 +55,10 @@ class Child:
     process: BaseProcess
     link: Connection
 
+    def resident_bytes(self) -> int:
+        """See `resident_bytes`."""
+        return resident_bytes(self.process.pid or 0)
+
     def is_alive(self) -> bool:
         """Whether it still runs."""
         return self.process.is_alive()
@@ -111,6 +115,24 @@ def without_main() -> Iterator[None]:
         yield
     finally:
         sys.modules["__main__"] = main
+
+
+def resident_bytes(process: int) -> int:
+    """Resident memory of a process and of all that it has started, pages that they share once for each; Linux only.
+
+    0 once it is gone.
+    """
+    parents: dict[int, int] = {}
+    pages: dict[int, int] = {}
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        with contextlib.suppress(OSError):  # it has ended meanwhile
+            fields = path.read_text(encoding="utf-8", errors="replace").rpartition(")")[2].split()
+            parents[int(path.parent.name)], pages[int(path.parent.name)] = int(fields[1]), int(fields[21])
+    own, grown = {process}, True
+    while grown:
+        started = {child for child, parent in parents.items() if parent in own} - own
+        own, grown = own | started, bool(started)
+    return sum(pages.get(one, 0) for one in own) * os.sysconf("SC_PAGE_SIZE")
 
 
 def preload(modules: Sequence[str]) -> None:

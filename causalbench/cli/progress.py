@@ -42,6 +42,10 @@ class LineView:
         self.tenths: dict[str, int] = {}
         self.started, self.to_do, self.ended = 0.0, 0, 0
 
+    def note(self, sentence: str) -> None:
+        """A line of its own."""
+        self._print(sentence)
+
     def begin(self, cells: Sequence[Cell], to_do: Sequence[Cell], run: RunFolder) -> None:
         """Say how much there is to do."""
         self.started, self.to_do, self.ended = time.monotonic(), len(to_do), 0
@@ -78,7 +82,12 @@ class TableView:
         self.statuses: dict[str, Status] = {}
         self.progress: dict[str, Progress] = {}
         self.started: dict[str, float] = {}
+        self.console = console
         self.live = Live(console=console, get_renderable=self._table, refresh_per_second=4)  # draws at once
+
+    def note(self, sentence: str) -> None:
+        """A line above the table."""
+        self.console.print(sentence, markup=False, highlight=False, soft_wrap=True)
 
     def begin(self, cells: Sequence[Cell], to_do: Sequence[Cell], run: RunFolder) -> None:
         """Show the table."""

@@ -56,6 +56,10 @@ def run(
         float | None,
         typer.Option(min=0.001, help="Minutes that a cell may take (default: ten times what such a cell took)."),
     ] = None,
+    memory: Annotated[
+        float | None,
+        typer.Option(min=0.001, help="Gigabytes that the processes of a cell may take (default: no limit)."),
+    ] = None,
     retry_failed: Annotated[
         bool, typer.Option(help="Run diverged and timed-out cells again, too; failed ones always are.")
     ] = False,
@@ -82,7 +86,8 @@ def run(
     seconds = None if timeout is None else 60 * timeout
     keeping = Keeping(checkpoint_every, tensorboard)
     options = named_values(slurm or (), "--slurm", "time=240")
-    execution = Execution(executor.value, jobs, seconds, retry_failed, keeping, ray_address, options)
+    most = None if memory is None else 1e9 * memory
+    execution = Execution(executor.value, jobs, seconds, retry_failed, keeping, ray_address, options, most)
     if until_decided:
         plan = execute_until_decided(plan, folder, file, execution, quiet or as_json)
     else:

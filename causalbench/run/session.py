@@ -6,8 +6,8 @@ import os
 import platform
 import subprocess
 import sys
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import closing
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
@@ -15,9 +15,10 @@ from pathlib import Path
 from typing import Any
 
 from causalbench.atomic import write_text
-from causalbench.errors import UserError
+from causalbench.errors import StorageError, UserError
 from causalbench.plugins.manager import Plugins
 from causalbench.processes import cores
+from causalbench.run.amending import amend
 from causalbench.run.cell import Keeping
 from causalbench.run.executors.processes import Processes
 from causalbench.run.executors.ray import Ray
@@ -25,6 +26,7 @@ from causalbench.run.executors.schedule import Executor, Outcomes, schedule
 from causalbench.run.executors.serial import Serial
 from causalbench.run.executors.slurm import Slurm
 from causalbench.run.view import View
+from causalbench.store.budgets import is_outgrown, largest_budgets
 from causalbench.store.cells import State, Status
 from causalbench.store.comparable import check_comparable
 from causalbench.store.run_folder import SUITE, RunFolder
@@ -40,9 +42,9 @@ PACKAGES = ("causalbench-robotics", "gymnasium", "numpy", "torch", "stable-basel
 
 @dataclass(frozen=True)
 class Execution:
-    """How to run: executor, cells at a time (None: what there is room for), seconds a cell may take (None: no limit).
+    """How to run: executor, cells at a time (None: what there is room for), what to repeat and to keep.
 
-    Also what to repeat and to keep, and where a cluster is.
+    Also the seconds and the bytes of memory that a cell may take (None: no limit), and where a cluster is.
     """
 
     executor: str
@@ -52,17 +54,21 @@ class Execution:
     keeping: Keeping
     ray_address: str | None = None
     slurm: Mapping[str, Any] = field(default_factory=dict)
+    memory: float | None = None
 
     def outcomes(self, cells: Sequence[Cell], run: RunFolder, view: View) -> Outcomes:
         """Start the executor. Raises `UserError` for a limit that it cannot keep."""
-        if self.timeout is not None and self.executor != "processes":
-            raise UserError("--timeout needs a process per cell on this machine: use --executor processes")
+        for flag, limit in (("--timeout", self.timeout), ("--memory", self.memory)):
+            if limit is not None and self.executor != "processes":
+                raise UserError(f"{flag} needs a process per cell on this machine: use --executor processes")
+        if self.memory is not None and not sys.platform.startswith("linux"):
+            raise UserError("--memory reads /proc, which this machine does not have; leave it out")
         return schedule(cells, run, self._executor(len(cells) == 1, run, view))
 
     def _executor(self, alone: bool, run: RunFolder, view: View) -> Executor:
         if self.executor == "processes":
             jobs = self.jobs or cores()
-            return Processes(run, view.on_progress, self.keeping, jobs, self.timeout, alone)
+            return Processes(run, view.on_progress, self.keeping, jobs, self.timeout, alone, self.memory)
         if self.executor == "ray":
             return Ray(run, self.keeping, self.jobs, self.ray_address)
         if self.executor == "slurm":
@@ -76,11 +82,11 @@ def run_plan(
 ) -> None:  # fmt: skip
     """Run what `plan` lacks in `run`, calling `after` at the end, even an interrupted one, while the folder is claimed.
 
-    Raises `RunFolderError` when the folder cannot be used or holds cells that cannot be compared with these.
+    Raises `RunFolderError` when the folder cannot be used or holds cells that cannot be compared with these, and
+    `StorageError` when it cannot be written any more: a full disk, a folder that was removed.
     """
-    with run.claim():
-        new = [(f"this plan ({cell.id})", cell.identity) for cell in plan.cells]
-        check_comparable([*((str(cell.folder), cell.identity) for cell in run.cells()), *new])
+    with run.claim(), _storage_named(run):
+        _check(plan, run)
         write_text(run.path / SUITE, file.source.text)
         if file.suite.methods:
             run.state(plan.statement)
@@ -89,6 +95,8 @@ def run_plan(
         if cells:
             session = describe_environment(plugins, sorted({cell.backend.name for cell in plan.cells}))
             run.add_session(session | {"cells": len(plan.cells)})
+        for sentence in amend(cells, run):
+            view.note(sentence)
         started = execution.outcomes(cells, run, view)
         try:
             view.begin(plan.cells, cells, run)
@@ -98,6 +106,33 @@ def run_plan(
         finally:
             view.end()
             after()
+
+
+@contextmanager
+def _storage_named(run: RunFolder) -> Iterator[None]:
+    """Errors of the file system as a `StorageError` that says what is lost and how to go on."""
+    try:
+        yield
+    except OSError as error:
+        if not run.path.is_dir():
+            raise StorageError(
+                f"{run.path}: the folder was removed while its cells were running; the same command starts over"
+            ) from error
+        raise StorageError(
+            f"{error.filename or run.path}: {error.strerror or error}; finished cells are kept, "
+            "and once that is mended the same command goes on"
+        ) from error
+
+
+def _check(plan: Plan, run: RunFolder) -> None:
+    """Raise `RunFolderError` where `run` holds what cannot be compared with `plan` for more than a smaller budget."""
+    largest = largest_budgets(cell.identity for cell in plan.cells)
+    stored = [(str(cell.folder), cell.identity) for cell in run.cells()]
+    there = [
+        (where, {**found, "env_steps": largest[found["backend"]["name"]]} if is_outgrown(found, largest) else found)
+        for where, found in stored
+    ]
+    check_comparable([*there, *((f"this plan ({cell.id})", cell.identity) for cell in plan.cells)])
 
 
 def to_do(plan: Plan, run: RunFolder, retry: bool) -> list[Cell]:

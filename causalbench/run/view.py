@@ -12,7 +12,10 @@ from causalbench.suite.cells import Cell
 
 
 class View(Protocol):
-    """Shows a run. `begin` comes first and `end` last, also when the run is interrupted or never began."""
+    """Shows a run. Notes come first, then `begin`, and last `end`, also when it is interrupted or never began."""
+
+    def note(self, sentence: str) -> None:
+        """What a person should know before the cells run."""
 
     def begin(self, cells: Sequence[Cell], to_do: Sequence[Cell], run: RunFolder) -> None:
         """The whole plan and the part of it that will run."""
@@ -29,6 +32,9 @@ class View(Protocol):
 
 class Silent:
     """Shows nothing."""
+
+    def note(self, sentence: str) -> None:
+        """Nothing."""
 
     def begin(self, cells: Sequence[Cell], to_do: Sequence[Cell], run: RunFolder) -> None:
         """Nothing."""

@@ -22,7 +22,7 @@ FILES = {
     "cells/*/policy/*": "The trained policy, for `causalbench.load_policy`; nothing in it is unpickled.",
     "cells/*/reversals.csv": "Whose doing its reversals are, by `causalbench reversals`.",
     "cells/*/transfer.csv": "How its policy does on other backends, by `causalbench transfer`.",
-    "cells/*/checkpoint.safetensors": "What a killed training goes on from; removed when it ends.",
+    "cells/*/checkpoint.safetensors": "What a killed training, or a larger budget, goes on from; may be deleted.",
     "cells/*/tensorboard/*": "Curves for TensorBoard, with `run --tensorboard`.",
     **{f"discovery/*/{name}": sentence for name, sentence in CELL_FILES.items()},
     "discovery/*/graph.json": "The causal graph with its evidence and settings, for `causalbench.load_graph`.",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
+import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -11,8 +12,9 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from causalbench import formats
-from causalbench.atomic import remove, sweep, write_json
+from causalbench.atomic import remove, replacing, sweep, write_json
 from causalbench.errors import DamagedFileError
+from causalbench.store.budgets import is_outgrown, largest_budgets
 from causalbench.store.cells import (
     CELL,
     CHECKPOINT,
@@ -90,6 +92,14 @@ class RunFolder:
         self.finish(cell, Status("running"))
         return folder
 
+    def begin_with(self, cell: Identified, checkpoint: Path) -> None:
+        """Let `cell`, which has yet to start, continue from the checkpoint of another cell."""
+        with replacing(self._clear(cell) / CHECKPOINT) as temporary:
+            try:
+                os.link(checkpoint, temporary)  # costs no room; checkpoints are replaced, never written into
+            except OSError:  # not every file system has links
+                shutil.copyfile(checkpoint, temporary)
+
     def _clear(self, cell: Identified) -> Path:
         """The folder of `cell` with nothing in it but what it continues from, and what says that it is this cell."""
         folder = self.folder(cell)
@@ -106,15 +116,14 @@ class RunFolder:
         return folder
 
     def finish(self, cell: Identified, status: Status) -> None:
-        """Record `status`; for a cell that is done this is its last write, and its checkpoint has served."""
+        """Record `status`; for a cell that is done this is its last write. Raises `OSError` if this folder is gone."""
         folder = self.folder(cell)
+        os.stat(self.path)  # what somebody has removed is not made anew
         if not is_file(folder / CELL):  # a cell that was skipped never started
             self._clear(cell)
         if status.state == "done":
             status = dataclasses.replace(status, files=result_digests(folder))
         write_json(folder / STATUS, {"schema": formats.CELL} | dataclasses.asdict(status))
-        if status.state == "done":
-            (folder / CHECKPOINT).unlink(missing_ok=True)
 
     def stored(self, cell: Identified) -> StoredCell:
         """`cell` as it lies here. Raises `DamagedFileError` when it is not here or cannot be read."""
@@ -131,7 +140,16 @@ class RunFolder:
             return Status("damaged", str(error))
 
     def cells(self) -> list[StoredCell]:
-        """Every cell of which can be told what it is, in an order that does not depend on when each was run."""
+        """The cells that count, in an order that does not depend on when each was run.
+
+        Those are all of which can be told what they are, but of learners on a backend only those of the largest budget.
+        """
+        found = self.every_cell()
+        largest = largest_budgets(cell.identity for cell in found)
+        return [cell for cell in found if not is_outgrown(cell.identity, largest)]
+
+    def every_cell(self) -> list[StoredCell]:
+        """Every cell of which can be told what it is, in the order of `cells`, those of smaller budgets too."""
         return in_order(found for found in self._read() if isinstance(found, StoredCell))
 
     def problems(self) -> list[str]:

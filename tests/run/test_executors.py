@@ -21,6 +21,7 @@ from causalbench.run.executors import processes
 from causalbench.run.executors.cell_process import STOPPED, settle
 from causalbench.run.executors.processes import PRELOAD, Processes
 from causalbench.run.executors.schedule import Queue
+from causalbench.store.cells import Status
 from causalbench.store.run_folder import RunFolder
 from causalbench.suite.cells import DiscoveryCell, LearnerCell
 from causalbench.suite.plan import make_plan
@@ -136,7 +137,7 @@ def test_a_cell_that_ended_as_its_time_did_keeps_its_result(
     shutil.copytree(finished_run, run.path)
     (cell, *_) = make_plan(load_suite(tiny_suite, installed()), "smoke", installed()).cells
     before = run.status(cell)
-    settle(cell, start("spawn", _leave), run, "too late")
+    settle(cell, start("spawn", _leave), run, Status("timeout", "too late"))
     assert run.status(cell) == before
     assert before.state == "done"
 

@@ -121,6 +121,9 @@ class Hanging:
 
     alive = True
 
+    def resident_bytes(self) -> int:
+        return 3_000_000_000
+
     def is_alive(self) -> bool:
         return self.alive
 
@@ -129,11 +132,22 @@ class Hanging:
 
 
 @pytest.mark.parametrize(
-    ("now", "over"), [(99.0, ""), (101.0, "too long"), (51.0, "too quiet")], ids=["in time", "too long", "silent"]
+    ("now", "gigabytes", "state", "reason"),
+    [
+        (99.0, 3, "", ""),
+        (101.0, 3, "timeout", "too long"),
+        (51.0, 3, "timeout", "too quiet"),
+        (99.0, 2, "failed", "its processes took 3.00 GB, more than --memory 2 allows; see log.txt; allow more, or"),
+    ],
+    ids=["in time", "too long", "silent", "too large"],
 )
-def test_a_cell_past_its_limit_is_killed_with_the_reason(cells: Sequence[Cell], now: float, over: str) -> None:
-    limit = replace(Limits(None).of(cells[0]), seconds=100.0, silence=50.0, sentence="too long", silent="too quiet")
-    heard = 0.0 if over == "too quiet" else 90.0
+def test_a_cell_past_its_limit_is_killed_with_the_reason(
+    cells: Sequence[Cell], now: float, gigabytes: float, state: str, reason: str
+) -> None:
+    limits = Limits(None, memory=1e9 * gigabytes)
+    limit = replace(limits.of(cells[0]), seconds=100.0, silence=50.0, sentence="too long", silent="too quiet")
+    heard = 0.0 if reason == "too quiet" else 90.0
     job = _Job(cells[0], Hanging(), 1, 0.0, heard)  # type: ignore[arg-type]
-    assert job.has_ended(limit, now) == bool(over)
-    assert job.over == over
+    assert job.has_ended(limit, now) == bool(reason)
+    assert (job.over.state if job.over else "") == state
+    assert (job.over.reason if job.over else "").startswith(reason)

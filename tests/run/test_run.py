@@ -56,6 +56,7 @@ def test_a_finished_run_has_every_file_of_the_layout(finished_run: Path) -> None
     records = {*RESULT_FILES, "timing.csv", "environment.json", "run.json", "suite.yaml", "cells", "discovery"}
     assert top == records | {"report.html"}
     learner = {"cell.json", "status.json", "progress.csv", "episodes.csv", "counts.json", "log.txt", "policy"}
+    learner.add("checkpoint.safetensors")
     assert [{p.name for p in cell.iterdir()} for cell in (finished_run / "cells").iterdir()] == [learner] * 2
     discovery = {"cell.json", "status.json", "graph.json", "manual.json", "evidence.csv", "log.txt", "figures", "data"}
     discovery |= {"oracle.csv", "score.csv"}

@@ -20,6 +20,7 @@ from causalbench.store.run_folder import ENVIRONMENT, RunFolder
 
 @pytest.fixture
 def run(tmp_path: Path) -> RunFolder:
+    (tmp_path / "run").mkdir()
     return RunFolder(tmp_path / "run")
 
 
@@ -179,7 +180,6 @@ def test_another_schema_is_named_and_not_counted(run: RunFolder) -> None:
 
 
 def test_sessions_come_back_and_a_damaged_record_of_them_is_put_aside(run: RunFolder) -> None:
-    run.path.mkdir()
     run.add_session({"known_gaps": {"b": {"S1": "why"}}})
     run.add_session({"known_gaps": {"b": {"S2": "why not"}}, "command": ["x"]})
     assert len(run.sessions()) == 2

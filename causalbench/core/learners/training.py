@@ -6,6 +6,7 @@ import dataclasses
 import logging
 from collections.abc import Callable
 from contextlib import closing
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ import torch
 
 from causalbench._version import __version__
 from causalbench.core.discovery.graph import CausalGraph
-from causalbench.core.learners.checkpoint import Checkpoints, load_checkpoint, save_checkpoint
+from causalbench.core.learners.checkpoint import REMEDY, Checkpoints, load_checkpoint, save_checkpoint
 from causalbench.core.learners.counting import Counter
 from causalbench.core.learners.examiner import Examiner
 from causalbench.core.learners.learner import StagedLearner
@@ -26,7 +27,7 @@ from causalbench.core.staged.vector_env import StageTaskVectorEnv
 from causalbench.core.tasks.stage_task import StageTask
 from causalbench.core.tasks.task_data import task_data
 from causalbench.core.world.capabilities import Capability
-from causalbench.errors import DivergedError, StoppedError
+from causalbench.errors import CheckpointError, DivergedError, StoppedError
 
 LOG = logging.getLogger(__name__)
 
@@ -41,8 +42,9 @@ def train_staged(problem: TrainingProblem, make_learner: MakeStagedLearner) -> T
     have the steps taken.
 
     With `problem.checkpoints`, a call that was killed goes on from its last checkpoint when it is repeated, and ends
-    with the same bits as an uninterrupted one; `on_evaluation` first gets the evaluations made before. A backend that
-    lacks `EXACT_RESTORE` starts again instead.
+    with the same bits as an uninterrupted one; `on_evaluation` first gets the evaluations made before. The last
+    checkpoint is of the budget's end; a call with a larger `env_steps` goes on there, also to the same bits. A backend
+    that lacks `EXACT_RESTORE` starts again instead.
 
     Raises `CheckpointError` for a checkpoint that is not this run's, and `DivergedError` for a loss that explodes or is
     not finite, and `StoppedError` when `problem.checkpoints` says that it should stop.
@@ -83,7 +85,10 @@ class _StagedLoop:
         return self.examiner.settled or self.taken >= self.problem.env_steps
 
     def step(self) -> None:
-        """Act, remember, train, and evaluate or keep a checkpoint if that is due."""
+        """Act, remember, train, and keep a checkpoint and evaluate if that is due.
+
+        A checkpoint comes first, since the last evaluation, with more episodes, is that of one budget only.
+        """
         before, obs = self.taken, self.obs
         actions = self.learner.act(obs)
         self.obs, _, terminated, truncated, infos = self.env.step(actions.clip(-1.0, 1.0))
@@ -92,11 +97,15 @@ class _StagedLoop:
         self.learner.remember(obs, actions, infos | paid, over)
         self.counter.add(infos, over)
         self._train()
+        if self.checkpoints:
+            self._keep(self.checkpoints, before)
+        self._examine(before)
+
+    def _examine(self, before: int) -> None:
+        """Evaluate if that is due since the env step `before`."""
         if self.examiner.is_due(before, self.taken, f"stage {int(self.obs['stage'].max()) + 1}"):
             self.counter.counts.updates = self.learner.updates()
             self.examiner.examine(self.learner.policy, self.counter.counts)
-        if self.checkpoints and not self.over:
-            self._keep(self.checkpoints, before)
 
     def _train(self) -> None:
         """Let the learner train. Raises `DivergedError` with the step and the last good checkpoint."""
@@ -114,9 +123,8 @@ class _StagedLoop:
             LOG.info("never reached, so not trained: stages %s", unreached)
 
     def go_on(self) -> None:
-        """Continue from the checkpoint, if there is one, and report its evaluations again."""
-        state = load_checkpoint(self.checkpoints.path, self._identity()) if self.checkpoints else None
-        if not state:
+        """Continue from the checkpoint, if there is one: report its evaluations again, make the one that follows."""
+        if not self.checkpoints or not (state := load_checkpoint(self.checkpoints.path, self._identity())):
             return
         self.obs = self.env.load_state(below("env", state))
         self.learner.load_state(below("learner", state))
@@ -124,15 +132,24 @@ class _StagedLoop:
         if self.first_entry:
             self.first_entry.reached = np.asarray(state["reached"])
         self.saved = self.taken
+        self._check_within_budget(self.checkpoints.path)
         LOG.info("continued from the checkpoint at step %d", self.taken)
         self.examiner.load_state(below("examiner", state))
         for evaluation in self.examiner.evaluations:
             self.problem.on_evaluation(evaluation, self.counter.counts)
+        self._examine(self.taken - self.env.num_envs)
+
+    def _check_within_budget(self, path: Path) -> None:
+        """Raise `CheckpointError` for a checkpoint that is of a later step than the budget's last."""
+        if self.taken - self.env.num_envs >= self.problem.env_steps:
+            beyond = f"a checkpoint of env step {self.taken}, beyond the budget of {self.problem.env_steps}"
+            raise CheckpointError(f"{path}: {beyond}; {REMEDY}")
 
     def _keep(self, checkpoints: Checkpoints, before: int) -> None:
         """Keep a checkpoint if it is due. Raises `StoppedError` after one if that was asked for."""
         stopped = checkpoints.stop_asked()
-        if stopped or self.taken // checkpoints.every > before // checkpoints.every:
+        due = self.taken // checkpoints.every > before // checkpoints.every
+        if stopped or due or self.taken >= self.problem.env_steps:
             self._save(checkpoints)
         if stopped:
             raise StoppedError(f"stopped at env step {self.taken}; its checkpoint is {checkpoints.path}")
@@ -147,7 +164,7 @@ class _StagedLoop:
         self.saved = self.taken
 
     def _identity(self) -> dict[str, Any]:
-        """What two runs must share for one to continue the other, bit for bit, as JSON data."""
+        """What two runs must share for one to continue the other, bit for bit, as JSON data: all but the budget."""
         problem, task = self.problem, self.problem.task
         return {
             "task": {"name": task.name, "version": task.version, "data": task_data(task)},
@@ -156,7 +173,6 @@ class _StagedLoop:
             "graph": problem.graph.hash if problem.graph else None,
             "settings": dataclasses.asdict(problem.settings),
             "evaluation": dataclasses.asdict(problem.evaluation),
-            "env_steps": problem.env_steps,
             "seed": problem.seed,
             "versions": {"causalbench": __version__, "numpy": np.__version__, "torch": torch.__version__},
         }

@@ -53,19 +53,16 @@ def start_cell(method: Method, cell: Cell, run: RunFolder, keeping: Keeping, cor
         return start(method, _work, cell, run, keeping, cores)
 
 
-def settle(cell: Cell, child: Child, run: RunFolder, timeout: str = "") -> None:
+def settle(cell: Cell, child: Child, run: RunFolder, over: Status | None = None) -> None:
     """Write the status of a cell whose process has ended, if the process could not, and bound its log.
 
-    `timeout` says which limit the process was ended at; "" if it ended by itself.
+    That is `over` where the process was ended at a limit.
     """
     child.close()
     shorten(run.folder(cell) / LOG)
     if run.status(cell).state not in ("running", "pending") or child.process.exitcode == STOPPED:
         return
-    if timeout:
-        run.finish(cell, Status("timeout", timeout))
-    else:
-        run.finish(cell, Status("failed", f"its process {child.how_it_ended()}; see log.txt"))
+    run.finish(cell, over or Status("failed", f"its process {child.how_it_ended()}; see log.txt"))
 
 
 def stop_all(children: Sequence[Child]) -> None:

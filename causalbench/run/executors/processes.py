@@ -1,7 +1,8 @@
-"""One process per cell on this machine; a crash, a kill or a time limit end that cell only."""
+"""One process per cell on this machine; a crash, a kill or a limit of time or memory end that cell only."""
 
 from __future__ import annotations
 
+import math
 import multiprocessing.connection
 import time
 from collections import Counter
@@ -29,6 +30,7 @@ PRELOAD = [
 ]
 """What the fork server imports once for all cells. Never a simulator: many cannot be forked."""
 
+MEMORY_INTERVAL = 0.5  # s between two looks at the memory of cells that have a limit
 RESTARTS = 5
 """How often a cell goes on from its checkpoint after others have stopped its process, as SIGTERM does."""
 
@@ -42,14 +44,22 @@ class _Job:
     cores: int
     started: float
     heard: float
-    over: str = ""  # which limit ended it, in words
+    over: Status | None = None  # of a cell that was ended at a limit
 
     def has_ended(self, limit: Limit, now: float) -> bool:
         """Whether the process is gone; one that is past its limit is killed first."""
-        if now > self.deadline(limit) and self.child.is_alive():
-            self.over = limit.sentence if now > self.started + limit.seconds else limit.silent
+        if self.child.is_alive() and (over := self._past(limit, now)):
+            self.over = over
             self.child.kill()
         return not self.child.is_alive()
+
+    def _past(self, limit: Limit, now: float) -> Status | None:
+        if now > self.deadline(limit):
+            return Status("timeout", limit.sentence if now > self.started + limit.seconds else limit.silent)
+        if limit.memory < math.inf and (taken := self.child.resident_bytes()) > limit.memory:
+            grown = f"its processes took {taken / 1e9:.2f} GB, more than --memory {limit.memory / 1e9:g} allows"
+            return Status("failed", f"{grown}; see {LOG}; allow more, or ask for smaller buffers or fewer samples")
+        return None
 
     def deadline(self, limit: Limit) -> float:
         """When it is too late for the cell."""
@@ -57,18 +67,19 @@ class _Job:
 
 
 class Processes:
-    """See `schedule.Executor`. `jobs` cores at a time; a cell may take `timeout` seconds, by default see `Limits`.
+    """See `schedule.Executor`. `jobs` cores at a time; a cell that is `alone` may use all of them.
 
-    A cell that is `alone` may use all of them.
+    A cell may take `timeout` seconds, by default see `Limits`, and `memory` bytes.
     """
 
     def __init__(
         self, run: RunFolder, on_progress: OnCellProgress, keeping: Keeping, jobs: int,
-        timeout: float | None = None, alone: bool = False,
+        timeout: float | None = None, alone: bool = False, memory: float | None = None,
     ) -> None:  # fmt: skip
         preload(PRELOAD)
         self.run, self.on_progress, self.keeping, self.jobs = run, on_progress, keeping, jobs
-        self.limits, self.alone = Limits(timeout), alone
+        self.limits, self.alone = Limits(timeout, memory or math.inf), alone
+        self.interval = INTERVAL if memory is None else MEMORY_INTERVAL
         self._running: list[_Job] = []
         self._stopped = Counter[str]()  # cell id -> how often others have stopped its process
 
@@ -111,7 +122,7 @@ class Processes:
         """Wait until a cell reports or ends, but not beyond a deadline, and hand on what was reported; bound logs."""
         by_link = {job.child.link: job for job in self._running}
         deadlines = (job.deadline(self.limits.of(job.cell)) for job in self._running)
-        wait = min(min(deadlines, default=0.0) - time.monotonic(), INTERVAL)
+        wait = min(min(deadlines, default=0.0) - time.monotonic(), self.interval)
         watched: list[Connection | int] = [*by_link, *(job.child.process.sentinel for job in self._running)]
         for ready in multiprocessing.connection.wait(watched, max(wait, 0.0)):
             if isinstance(ready, Connection):

@@ -19,6 +19,7 @@ from causalbench import formats
 from causalbench.core.discovery.graph import manual_graph
 from causalbench.core.kinematic.scenes import WorldsScene
 from causalbench.core.kinematic.worlds import KinematicWorlds
+from causalbench.core.learners import examiner
 from causalbench.core.learners.checkpoint import Checkpoints, load_checkpoint, save_checkpoint
 from causalbench.core.learners.ppo.agent import PPOAgent
 from causalbench.core.learners.ppo.settings import PPOSettings
@@ -60,8 +61,9 @@ class Outcome:
 
 
 def run(backend, name, path=None, kill_at=None, make_scene=None, **changes):
-    """Train on the stripes, with a `Kill` after `kill_at` steps of this call; `changes` are of settings or the seed."""
-    seen, steps, seed = [], 0, changes.pop("seed", 0)
+    """Train on the stripes, with a `Kill` after `kill_at` steps of this call; `changes`: settings, seed, budget."""
+    seen, steps, seed, budget = [], 0, changes.pop("seed", 0), changes.pop("budget", STEPS)
+    looks = dataclasses.replace(LOOKS, stop_after=changes.pop("stop_after", 0))
 
     def on_progress(share, text):
         nonlocal steps
@@ -75,8 +77,8 @@ def run(backend, name, path=None, kill_at=None, make_scene=None, **changes):
         METHOD[name],
         manual_graph(STRIPES),
         dataclasses.replace(SETTINGS[METHOD[name].learner], **changes),
-        LOOKS,
-        STEPS,
+        looks,
+        budget,
         seed,
         lambda evaluation, counts: seen.append(evaluation),
         on_progress,
@@ -119,6 +121,31 @@ def test_ppos_learning_rate_falls_linearly_and_stays_at_0(monkeypatch):
     rates.clear()
     run("kinematic", "mPPO", decay_steps=0, learning_rate=0.25)
     assert set(rates) == {0.25}
+
+
+@pytest.mark.parametrize(("name", "budgets"), [("cmmSAC", (100, 230, 300)), ("cmmPPO", (130, 300))])
+def test_a_larger_budget_goes_on_from_the_end_of_a_smaller_one_to_the_same_bits(name, budgets, tmp_path):
+    """At an evaluation or beside one: the last evaluation of a smaller budget, and what it draws, leaves no trace."""
+    path = tmp_path / "checkpoint.safetensors"
+    for budget in budgets:
+        found = run("kinematic", name, path, budget=budget)
+    assert found == run("kinematic", name)
+    assert found.evaluations[-1].env_steps == STEPS
+
+
+def test_a_run_that_was_settled_goes_on_as_one_with_a_larger_budget_would(tmp_path, monkeypatch):
+    monkeypatch.setattr(examiner.Examiner, "_without_failure", lambda self, newest: len(self.evaluations) == 1)
+    path = tmp_path / "checkpoint.safetensors"
+    small, large = (run("kinematic", "cmmSAC", path, budget=budget, stop_after=2) for budget in (280, 300))
+    assert small == large == run("kinematic", "cmmSAC", stop_after=2)
+    assert large.evaluations[-1].env_steps == 200
+
+
+def test_a_checkpoint_beyond_the_budget_is_refused(tmp_path):
+    path = tmp_path / "checkpoint.safetensors"
+    run("kinematic", "cmmSAC", path, budget=120)
+    with pytest.raises(CheckpointError, match="a checkpoint of env step 120, beyond the budget of 100; delete it"):
+        run("kinematic", "cmmSAC", path, budget=100)
 
 
 @pytest.fixture(scope="module")
