@@ -4,7 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from causalbench.core.discovery.methods import cmi, hrt, independence, paired, permutation, sufficient
+from causalbench.core.discovery.methods import (
+    ace,
+    cai,
+    cmi,
+    hrt,
+    ibd,
+    independence,
+    paired,
+    permutation,
+    sufficient,
+)
 from causalbench.core.discovery.methods.anytime import method as anytime
 from causalbench.core.discovery.methods.kl import method as kl
 from causalbench.core.discovery.registry import Discoverer
@@ -18,7 +28,10 @@ DISCOVERERS: Mapping[str, Discoverer] = {
         sufficient.DISCOVERER,
         permutation.DISCOVERER,
         cmi.DISCOVERER,
+        cai.DISCOVERER,
         hrt.DISCOVERER,
+        ibd.DISCOVERER,
+        ace.DISCOVERER,
         independence.FISHER_Z,
         independence.KCI,
     )

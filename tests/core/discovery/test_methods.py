@@ -6,15 +6,21 @@ from functools import partial
 
 import numpy as np
 import pytest
+import torch
 from scenes import counting, discover
+from scipy import stats
 from toy import make_noisy_toy, make_toy, toy_task
 from truth import TRUTH
 
 from causalbench.core.discovery.discoverers import DISCOVERERS
+from causalbench.core.discovery.methods.ace import adaptive_lasso
+from causalbench.core.discovery.methods.cai import CAISettings, influence_of
+from causalbench.core.discovery.methods.ibd import two_samples
 from causalbench.core.discovery.methods.independence import independent_columns
 from causalbench.core.discovery.methods.paired import PairedSettings
 from causalbench.core.discovery.methods.permutation import sign_flip_p_values
 from causalbench.core.discovery.pipeline import discover_from_samples
+from causalbench.core.discovery.samples.transitions import Samples
 from causalbench.core.discovery.settings import DiscoverySettings
 from causalbench.core.discovery.truth.counterfactual import Walk
 from causalbench.core.kinematic import make
@@ -28,8 +34,10 @@ SMALL = DiscoverySettings(training_count=1500)
 OWN = {
     "kl": {"max_epochs": 12},
     "cmi": {"max_epochs": 40},  # its threshold is in nats: an unfinished fit is off by more
+    "cai": {"max_epochs": 40},
     "kci": {"samples": 300},
 }
+COUNT = {"ibd": 4000}  # compares distributions, in which an effect stands beside all others
 PAIRED = ("anytime", "paired", "sufficient", "permutation")
 
 
@@ -39,7 +47,9 @@ def _quiet(share, doing):
 
 def _graph(name, task, make_scene=make_toy, seed=0):
     options = DISCOVERERS[name].settings(**OWN.get(name, {})) if name in DISCOVERERS else None
-    return discover(task, make_scene, dataclasses.replace(SMALL, discoverer=name, options=options), seed, _quiet)
+    count = COUNT.get(name, SMALL.training_count)
+    settings = dataclasses.replace(SMALL, discoverer=name, options=options, training_count=count)
+    return discover(task, make_scene, settings, seed, _quiet)
 
 
 def _planted(previous, action, now):
@@ -68,13 +78,16 @@ def test_recovers_a_planted_graph(name):
             {"random": 160, "inference": 32} | dict.fromkeys(("do-armx", "do-army", "do-armz", "placebo"), 160),
         ),
         ("cmi", {"random": 160, "inference": 32}),
+        ("cai", {"random": 160, "inference": 32}),
+        ("ibd", {"random": 160} | dict.fromkeys(("do-armx", "do-army", "do-armz", "placebo"), 160)),
+        ("ace", {"random": 160}),
         ("fisher_z", {"random": 160}),
         ("hrt", {"random": 160}),
         ("kci", {"random": 160}),
     ],
 )
 def test_only_what_a_discoverer_reads_costs_steps(name, sets, tmp_path):
-    own = {"max_epochs": 2} if name in ("kl", "cmi") else {}
+    own = {"max_epochs": 2} if name in ("kl", "cmi", "cai") else {}
     settings = DISCOVERERS[name].configure("quick", {"training_count": 160}, own)
     task, store = toy_task(_planted, 2), SampleFolder(tmp_path)
     graph = discover(task, make_toy, settings, 0, _quiet, store=store)
@@ -126,6 +139,52 @@ def test_where_restoring_is_inexact_noise_is_no_cause(name):
     assert not stage.matrix[~causes].any()
     assert stage.matrix[0, 0]
     assert stage.matrix[1, 1] or name == "anytime"  # a hundredth of the variance: weak, so that its bound may decide
+
+
+def test_two_samples_of_single_steps_are_scipys_kolmogorov_smirnov():
+    rng = np.random.default_rng(3)
+    for shift in (0.0, 0.15, 0.5):
+        values = np.round(rng.normal(size=300), 2)  # with ties
+        second = np.arange(300) >= 140
+        values[second] += shift
+        distance, p_value = two_samples(values, second, np.arange(300, dtype=np.int32), 2000, rng)
+        scipys = stats.ks_2samp(values[~second], values[second], method="asymp")
+        assert distance == pytest.approx(scipys.statistic, abs=1e-12)
+        assert p_value == pytest.approx(scipys.pvalue, abs=0.05)
+
+
+def test_two_samples_of_sequences_are_judged_by_sequences():
+    """Steps of a sequence are one number: 20 sequences on either side, not 1,000 steps, are what is compared."""
+    rng = np.random.default_rng(4)
+    cluster = np.repeat(np.arange(40, dtype=np.int32), 50)
+    alike = np.repeat(rng.normal(size=40), 50)
+    assert stats.ks_2samp(alike[:1000], alike[1000:]).pvalue < 1e-6
+    assert two_samples(alike, cluster >= 20, cluster, 2000, rng)[1] > 0.05
+    assert two_samples(alike + 3.0 * (cluster >= 20), cluster >= 20, cluster, 2000, rng)[1] < 0.001
+
+
+def test_influence_is_the_information_of_a_normal_channel():
+    """r = s a + noise of deviation 1/2, a uniform on [-1, 1]: the mixture's variance is s^2 / 3 + 1/4."""
+
+    class Channel:
+        def predict(self, samples, k):
+            mean = torch.from_numpy(samples.states[:, 0] * samples.actions[:, 0])[None]
+            return mean, torch.full_like(mean, math.log(0.5))
+
+    states = np.array([[0.0], [1.0], [4.0]], dtype=np.float32)
+    samples = Samples(states, np.zeros((3, 1), np.float32), states, np.zeros(3, np.int32), 3)
+    settings = CAISettings(redraws=4000)
+    (found,) = influence_of(0, Channel(), samples, settings, np.random.default_rng(0))
+    np.testing.assert_allclose(found, 0.5 * np.log((states[:, 0] ** 2 / 3 + 0.25) / 0.25), atol=0.02)
+
+
+def test_pruned_weights_are_those_of_a_linear_model():
+    rng = np.random.default_rng(5)
+    inputs = rng.normal(size=(2000, 5))
+    weights = np.array([1.0, 0.0, -0.3, 0.0, 0.1])
+    found = adaptive_lasso(inputs, inputs @ weights + 0.1 * rng.normal(size=2000))
+    np.testing.assert_array_equal(found != 0, weights != 0)
+    np.testing.assert_allclose(found, weights, atol=0.01)
 
 
 def test_an_interaction_is_found_from_pairs_and_missed_by_linear_correlation():

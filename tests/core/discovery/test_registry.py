@@ -28,6 +28,7 @@ QUICK = {
     "hrt": {"redraws": 2},
     "kl": {"max_epochs": 2},
     "cmi": {"max_epochs": 2},
+    "cai": {"max_epochs": 2, "redraws": 2},
     "kci": {"samples": 60},
     "permutation": {"states": 20},
 }
