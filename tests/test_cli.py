@@ -84,14 +84,14 @@ def test_other_mistakes_of_run(cli: Callable, tiny_suite: Path, arguments: list[
     assert "Traceback" not in done.stderr
 
 
-def test_a_run_with_another_budget_does_not_mix_into_a_folder(
+def test_a_run_with_a_smaller_budget_does_not_mix_into_a_folder(
     cli: Callable, tiny_suite: Path, finished_run: Path, tmp_path: Path
 ) -> None:
     other = tmp_path / "other.yaml"
-    other.write_text(tiny_suite.read_text().replace("env_steps: 120", "env_steps: 240"))
+    other.write_text(tiny_suite.read_text().replace("env_steps: 120", "env_steps: 60"))
     done = cli("run", other, "--tier", "smoke", "--out", finished_run)
     assert done.returncode == 2
-    assert "the budget on kinematic is {'env_steps': 240} and {'env_steps': 120}; use another --out" in done.stderr
+    assert "the budget on kinematic is {'env_steps': 60} and {'env_steps': 120}; use another --out" in done.stderr
 
 
 def test_plan_estimates_from_what_has_run(cli: Callable, tiny_suite: Path, finished_run: Path) -> None:
