@@ -18,6 +18,7 @@ Location = tuple[int | str, ...]
 """Keys and list indices from the top of the file to a value."""
 
 MAX_BYTES = 1_000_000
+MAX_DEPTH = 20  # of values within values; a suite needs 6, and PyYAML takes half a minute to give up on 5,000
 
 
 class Source(Protocol):
@@ -36,8 +37,9 @@ class Source(Protocol):
 
 
 class _Loader(yaml.SafeLoader):
-    """Reads no aliases (a few lines of them can stand for billions of values) and no tags."""
+    """Reads no aliases (a few lines of them can stand for billions of values), no tags and nothing nested deeply."""
 
+    depth = 0
     yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012 - PyYAML's name, and its type
 
     def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
@@ -46,9 +48,14 @@ class _Loader(yaml.SafeLoader):
         refused = "aliases are not read, write the value" if isinstance(event, yaml.AliasEvent) else ""
         if getattr(event, "tag", None):
             refused = "tags are not read, leave it out"
+        if self.depth > MAX_DEPTH:
+            refused = "nested too deeply for a suite"
         if refused:
             raise yaml.composer.ComposerError(None, None, refused, event.start_mark)
-        return super().compose_node(parent, index)
+        self.depth += 1
+        node = super().compose_node(parent, index)
+        self.depth -= 1
+        return node
 
 
 for _tag, _pattern, _first in (
@@ -73,10 +80,10 @@ class PositionedYaml:
         except yaml.MarkedYAMLError as error:
             line = error.problem_mark.line + 1 if error.problem_mark else 1
             raise SuiteError(f"{path}:{line}: not valid YAML: {error.problem}") from error
-        except (yaml.YAMLError, ValueError) as error:  # ValueError: a number of thousands of digits
+        except yaml.YAMLError as error:
             raise SuiteError(f"{path}: not valid YAML: {error}") from error
-        except RecursionError:
-            raise SuiteError(f"{path}: nested too deeply for a suite") from None
+        except ValueError as error:
+            raise SuiteError(f"{path}: a whole number in it has thousands of digits") from error
         self._refuse_duplicates(self._root, ())
 
     def mistake(self, location: Location, message: str) -> SuiteError:

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 import pydantic
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 
+from causalbench.core.discovery.settings import DiscoverySettings
 from causalbench.errors import UnknownNameError
 from causalbench.formats import SuiteFormat
 from causalbench.plugins.manager import Plugins
@@ -21,7 +22,7 @@ from causalbench.suite.sections import SECTIONS, Sections
 
 MAX_SEEDS, MAX_SEED, MAX_STEPS, MAX_HYPOTHESES = 10_000, 10**9, 10**12, 100
 
-Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_-]+$")]
+Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_-]+$", max_length=64)]
 Graphs = Literal["per_seed", "shared"]
 
 
@@ -199,6 +200,26 @@ def _check_sections(file: SuiteFile, learners: Mapping[str, str]) -> None:
                 raise file.source.mistake((*location, section, *found[0]), found[1])
     for place, grid in _grids(file.suite):
         _check_grid(file, place, grid, learners)
+    _check_discoverers(file)
+
+
+def _check_discoverers(file: SuiteFile) -> None:
+    """Refuse a section of a discoverer that nothing in the suite chooses."""
+    suite = file.suite
+    layers = [(place, layer.discovery) for place, layer, _ in _layers(suite) if isinstance(layer, DiscoveryLayer)]
+    grids = [((*place, key), layer_of({key: value})["discovery"]) for place, grid in _grids(suite)
+             for key, values in grid.items() for value in values]  # fmt: skip
+    chosen = {patch["discoverer"] for _, patch in [*layers, *grids] if "discoverer" in patch}
+    if "discoverer" not in suite.discovery:
+        chosen.add(DiscoverySettings().discoverer)
+    for place, patch in layers:
+        for name in patch:
+            if name in file.sections.discovery.own and name not in chosen:
+                raise file.source.mistake(
+                    (*place, "discovery", name),
+                    f"settings of the discoverer {name!r}, and this suite discovers with {', '.join(sorted(chosen))}; "
+                    f"leave it out, or say discoverer: {name}",
+                )
 
 
 def _layers(suite: Suite) -> Iterator[tuple[Location, Layer, Sequence[str]]]:
