@@ -10,10 +10,12 @@ from typing import Any, NamedTuple
 
 import gymnasium as gym
 
+from causalbench.arguments import Seed, Steps, check_argument, check_record
 from causalbench.core.discovery import pipeline
 from causalbench.core.discovery.graph import CausalGraph
 from causalbench.core.discovery.settings import DiscoverySettings
 from causalbench.core.learners.checkpoint import Checkpoints
+from causalbench.core.learners.methods import Method
 from causalbench.core.learners.records import Evaluation, TrainingCounts
 from causalbench.core.learners.registry import Learner, Policy, TrainingProblem
 from causalbench.core.learners.settings import EvaluationSettings, observed
@@ -21,7 +23,7 @@ from causalbench.core.learners.training_graph import training_graph
 from causalbench.core.staged.env import StageTaskEnv
 from causalbench.core.staged.worlds import MakeWorlds
 from causalbench.core.tasks.stage_task import StageTask
-from causalbench.errors import UserError
+from causalbench.errors import InvalidGraphError, UserError
 from causalbench.plugins.manager import installed
 
 
@@ -54,9 +56,11 @@ def discover(
     """The causal graph of `env`'s task (paper, Algorithm 1), found in worlds of its own like that of `env`.
 
     `on_progress(share done, what is being done)` is called often. Raises `UserError` unless `make_env` made `env`,
-    and for a wrapper around it, which those worlds would not have.
+    for a wrapper around it, which those worlds would not have, and for a setting or a seed out of its bounds.
     """
     task, make_worlds, _ = _parts(env)
+    check_record(settings, DiscoverySettings)
+    check_argument("seed", seed, Seed)
     return pipeline.discover(task, make_worlds, settings, seed, on_progress, discoverers=installed().discoverers)
 
 
@@ -75,12 +79,17 @@ def train(
 
     `graph` is what a method with a discovered matrix needs; `settings` is a record of the method's learner, None for
     its defaults; the policy observes what `env` does. With the file `checkpoint`, a call that was killed goes on there
-    when it is repeated. Raises `InvalidGraphError` for a missing or wrong graph, `CheckpointError` for a checkpoint of
-    another run, `DivergedError` for a loss that explodes, and `UserError` for the settings of another learner or an
-    environment that `make_env` did not make or that has a wrapper, which the worlds of its own would not have.
+    when it is repeated. Raises `InvalidGraphError` for a missing or wrong graph, or one that the method would not use,
+    `CheckpointError` for a checkpoint of another run, `DivergedError` for a loss that explodes, and `UserError` for the
+    settings of another learner, for a setting, a number of steps or a seed out of its bounds, and for an environment
+    that `make_env` did not make or that has a wrapper, which the worlds of its own would not have.
     """
     task, make_worlds, seen = _parts(env)
     chosen = installed().method(method)
+    check_argument("env_steps", env_steps, Steps)
+    check_argument("seed", seed, Seed)
+    check_record(evaluation, EvaluationSettings)
+    _check_graph(chosen, graph)
     learner = installed().learner(chosen.learner)
     evaluations: list[Evaluation] = []
     problem = TrainingProblem(
@@ -100,11 +109,27 @@ def train(
     return TrainingRun(policy, evaluations, counts)
 
 
+def _check_graph(method: Method, graph: object) -> None:
+    """Raise `InvalidGraphError` for what is no graph, or one that `method` would not look at."""
+    if graph is None:
+        return
+    if not isinstance(graph, CausalGraph):
+        raise InvalidGraphError(
+            f"graph: expected what causalbench.discover or causalbench.load_graph returns, got {type(graph).__name__}"
+        )
+    if method.matrix != "discovered":
+        uses = {"none": "none", "manual": "the one that a human named", "oracle": "an oracle's"}[method.matrix]
+        raise InvalidGraphError(
+            f"graph: method {method.name!r} uses {uses}, and this one would be ignored; leave it out"
+        )
+
+
 def _observing(learner: Learner, settings: Any, seen: Mapping[str, Any]) -> Any:
     """`settings` with which a policy observes what is in `seen`. Raises `UserError` where that cannot be."""
     expected: type[Any] = learner.settings
     if not isinstance(settings, expected):
         raise UserError(f"learner {learner.name!r} takes {expected.__name__}, got {type(settings).__name__}")
+    check_record(settings, expected)
     given: dict[str, Any] = dataclasses.asdict(settings)
     differing = {key: value for key, value in seen.items() if value != observed(given)[key]}
     for key in differing.keys() - given.keys():
