@@ -104,7 +104,7 @@ class StageTaskVectorEnv(gym.vector.VectorEnv[Observation, NDArray[Any], NDArray
     def state(self) -> dict[str, Any]:
         """Everything that later steps depend on: a snapshot, a clock and a generator for each world."""
         snapshots = {f"world{i}": np.frombuffer(self.worlds.snapshot(i), np.uint8) for i in range(self.num_envs)}
-        return snapshots | {"clock": self._clock, "rngs": [rng.bit_generator.state for rng in self._rngs]}
+        return snapshots | {"clock": self._clock.copy(), "rngs": [rng.bit_generator.state for rng in self._rngs]}
 
     def load_state(self, state: Mapping[str, Any]) -> Observation:
         """Go on from `state`, bit for bit if the worlds have "exact_restore"; what they then observe."""

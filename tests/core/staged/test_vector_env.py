@@ -161,12 +161,14 @@ def test_a_state_goes_on_in_another_vector_environment(make_vector):
     for _ in range(20):
         first.step(expert(first))
     before = first.worlds.observe()
-    obs = second.load_state(first.state())
+    state, clock = first.state(), first._clock.copy()
+    obs = second.load_state(state)
     for key, value in before.items():
         np.testing.assert_array_equal(obs[key], value)
     for _ in range(20):
         actions = expert(first)
         a, b = first.step(actions), second.step(actions)
         np.testing.assert_allclose(a[0]["state"], b[0]["state"], atol=1e-6)
+    np.testing.assert_array_equal(state["clock"], clock, err_msg="a state that was kept went on with its worlds")
     for one, other in zip(first._rngs, second._rngs, strict=True):
         assert one.random() == other.random()
