@@ -223,7 +223,7 @@ def _listen() -> None:
             if folder and not self.announced:
                 self.announced = True
                 _say(
-                    "causalbench is compiling its inner loops, once for this machine; it takes a minute or so. "
+                    "causalbench is compiling inner loops that this machine has not run yet, each once; it takes a minute or so. "
                     f"Cached in {folder}"
                 )
 
