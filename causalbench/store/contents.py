@@ -7,6 +7,7 @@ CELL_FILES = {
     "status.json": "How it ended (`done`, `failed`, `timeout`, `diverged`, `skipped`) or stands, and why, "
     "how long it took, the hash of the code, and the SHA-256 of each result file. Written last.",
     "log.txt": "What the cell and its simulator printed, at most 4 MB.",
+    "progress.json": "How far a cell that runs is, for `causalbench status`; removed when it ends.",
 }  # fmt: skip
 """In the folder of every cell."""
 
@@ -56,5 +57,6 @@ FILES = {
     "videos/*": "Films of trained policies, by `causalbench play`.",
     ".slurm/*": "Output of the jobs of `--executor slurm`.",
     ".lock": "Held while a command writes here.",
+    ".holder.json": "Which process on which machine that is; removed when it ends.",
 }  # fmt: skip
 """Where a file lies, from the run folder on -> what it says."""
