@@ -157,6 +157,8 @@ def test_a_command_parses_and_what_it_names_is_there(block: str, line: str) -> N
     if command == "causalbench":
         group = typer.main.get_command(app)
         group.commands[arguments[0]].make_context(arguments[0], arguments[1:])  # type: ignore[attr-defined]
+    elif command == "make":
+        assert re.search(rf"^{arguments[0]}:", (ROOT / "Makefile").read_text(), re.MULTILINE)
     else:
         assert command in ("cd", "pip", "python", "pytest") or (ROOT / command).is_file()
     made_here = {"suite.yaml", "my_suite.yaml", "my_sim_backend", "mujoco_hand_backend", "my_task_task"}

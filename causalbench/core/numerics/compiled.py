@@ -223,8 +223,8 @@ def _listen() -> None:
             if folder and not self.announced:
                 self.announced = True
                 _say(
-                    "causalbench is compiling inner loops that this machine has not run yet, each once; it takes a minute or so. "
-                    f"Cached in {folder}"
+                    "causalbench is compiling inner loops that this machine has not run yet, each once; it takes a "
+                    f"minute or so. Cached in {folder}"
                 )
 
         def on_end(self, event: Any) -> None:
