@@ -30,9 +30,10 @@ def make(control_hz: float = 10.0, timestep: float = 0.005, mobile: bool = False
 @hookimpl
 def causalbench_tasks(register: Callable[[Any], None]) -> None:
     """Register what gymnasium-robotics' own environments become in stages."""
-    from causalbench_gymrob.fetch_pick_and_place import TASK as FETCH_PICK_AND_PLACE
+    from causalbench_gymrob import fetch_pick_and_place, franka_kitchen
 
-    register(FETCH_PICK_AND_PLACE)
+    for module in (fetch_pick_and_place, franka_kitchen):
+        register(module.TASK)
 
 
 @hookimpl

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 from causalbench.backend import Backend, Capability, Scene, Variant, base_following, hookimpl, require
 
@@ -23,6 +24,14 @@ def make(control_hz: float = 10.0, timestep: float = 0.002, mobile: bool = False
     from causalbench_robosuite.scene import RobosuiteScene
 
     return RobosuiteScene(control_hz, timestep, mobile)
+
+
+@hookimpl
+def causalbench_tasks(register: Callable[[Any], None]) -> None:
+    """Register what robosuite's own environments become in stages."""
+    from causalbench_robosuite import stack_cubes
+
+    register(stack_cubes.TASK)
 
 
 @hookimpl
