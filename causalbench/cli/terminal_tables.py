@@ -231,7 +231,7 @@ def print_backends(plugins: Plugins) -> None:
 
 def print_checks(subject: str, results: Iterable[dict[str, Any]]) -> list[dict[str, Any]]:
     """One row per line of the contract, in colour, and a summary; the rows, for the caller."""
-    colours = {"pass": "green", "fail": "red", "known gap": "yellow", "not applicable": "dim"}
+    colours = {"pass": "green", "fail": "red", "warning": "yellow", "known gap": "yellow", "not applicable": "dim"}
     table = Table("", "contract", "outcome", "message", title=f"Conformance of {subject}", title_justify="left")
     rows = []
     with progress_console().status(f"checking {subject}"):
@@ -244,7 +244,7 @@ def print_checks(subject: str, results: Iterable[dict[str, Any]]) -> list[dict[s
     seconds = sum(row["seconds"] for row in rows)
     _print(", ".join(f"{outcome}: {count}" for outcome, count in counts.items()) + f" ({seconds:.0f} s)")
     for row in rows:
-        if row["outcome"] == "fail":
+        if row["outcome"] in ("fail", "warning"):
             _print(f"{row['number']} in full, and what is measured: {row['place']}")
     return rows
 

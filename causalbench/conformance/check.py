@@ -8,7 +8,7 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-PASS, FAIL, GAP, NOT_APPLICABLE = "pass", "fail", "known gap", "not applicable"
+PASS, FAIL, WARNING, GAP, NOT_APPLICABLE = "pass", "fail", "warning", "known gap", "not applicable"
 
 
 class OnTheBench(Protocol):
@@ -25,10 +25,14 @@ class OnTheBench(Protocol):
 
 @dataclass(frozen=True)
 class Check:
-    """One numbered line of the contract. `needs`: what must be on offer, without which it does not apply."""
+    """One numbered line of the contract.
+
+    `needs`: what must be on offer, without which it does not apply. `otherwise`: the outcome where it does not hold.
+    """
 
     function: Callable[[Any], None]
     needs: tuple[str, ...] = ()
+    otherwise: str = FAIL
 
     @property
     def number(self) -> str:
@@ -76,7 +80,7 @@ def run_check(check: Check, bench: OnTheBench) -> Result:
         outcome, message = NOT_APPLICABLE, f"needs {', '.join(missing)}, which is not declared"
     else:
         message = _failure(check, bench)
-        outcome = FAIL if message else PASS
+        outcome = check.otherwise if message else PASS
     if gap is not None:
         if outcome == FAIL:
             outcome, message = GAP, f"{gap} (now: {message})"

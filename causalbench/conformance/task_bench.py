@@ -58,7 +58,7 @@ class TaskBench:
     @property
     def offers(self) -> frozenset[str]:
         """Capabilities of the worlds, and which optional parts the task has."""
-        parts = ("features", "potential", "after_success", "modules")
+        parts = ("features", "potential", "after_success", "modules", "env_id")
         return self.worlds.capabilities | {name for name in parts if getattr(self.task, name, None)}
 
     @property

@@ -20,7 +20,7 @@ from causalbench._version import __version__
 from causalbench.core.discovery.registry import Discoverer
 from causalbench.core.learners.methods import Method
 from causalbench.core.learners.registry import Learner
-from causalbench.core.tasks.stage_task import StageTask
+from causalbench.core.tasks.stage_task import StageTask, base_name
 from causalbench.errors import BackendLoadError, UnknownNameError, UserError
 from causalbench.names import check_name
 from causalbench.plugins import hookspecs
@@ -97,8 +97,16 @@ class Plugins:
         return f"needs {', '.join(missing)}, not installed here; run: pip install {self.owners[name].distribution}"
 
     def task(self, name: str) -> StageTask:
-        """The task `name`, or an `UnknownNameError`."""
-        return _look_up("task", name, self.tasks)
+        """The task `name`, which may say a change of a registered one, or an `UnknownNameError`.
+
+        See `causalbench.core.tasks.changes`. Raises `UserError` for a change that does not fit the task.
+        """
+        task = _look_up("task", base_name(name), self.tasks)
+        if task.name == name:
+            return task
+        from causalbench.core.tasks.changes import changed
+
+        return changed(task, name)
 
     def method(self, name: str) -> Method:
         """The method `name`, or an `UnknownNameError`."""

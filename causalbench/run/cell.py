@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from causalbench.atomic import write_folder, write_text
 from causalbench.core.discovery.graph import CausalGraph, manual_graph
 from causalbench.core.learners.records import Evaluation, TrainingCounts
-from causalbench.core.tasks.stage_task import StageTask
+from causalbench.core.tasks.stage_task import StageTask, base_name
 from causalbench.digests import source_hash
 from causalbench.errors import CausalbenchError, CheckpointError, DivergedError, StoppedError
 from causalbench.plugins.manager import Plugins, installed
@@ -104,7 +104,7 @@ def source_of(cell: Cell, plugins: Plugins) -> str:
 
     Those are causalbench and the plugins that registered its task, backend, discoverer, method and learner.
     """
-    used = {("tasks", cell.task.name), ("backends", cell.backend.name)}
+    used = {("tasks", base_name(cell.task.name)), ("backends", cell.backend.name)}
     if isinstance(cell, LearnerCell):
         used |= {("methods", cell.method.name), ("learners", cell.method.learner)}
     discovery = cell.discovery if isinstance(cell, LearnerCell) else cell

@@ -201,6 +201,13 @@ def rewards(
     previous: Facts, stage: NDArray[np.int64], action: Array, now: Facts, next_stage: NDArray[np.int64]
 ) -> Array:
     """Reward vector (..., 9) of the step; terms outside `stage` = U(previous) are 0 (paper, Reward Setting)."""
+    return scaled_rewards(previous, stage, action, now, next_stage, SCALE[stage])
+
+
+def scaled_rewards(
+    previous: Facts, stage: NDArray[np.int64], action: Array, now: Facts, next_stage: NDArray[np.int64], scale: Array
+) -> Array:
+    """As `rewards`, each term multiplied by its `scale` (..., 9), 0 for those that are not paid."""
     return _rewards(
         previous.eef_position,
         previous.eef_quaternion,
@@ -214,7 +221,7 @@ def rewards(
         now.holding,
         now.collision_arm,
         now.collision_self,
-        SCALE[stage],
+        scale,
     )
 
 
@@ -261,9 +268,13 @@ def ways(state: Array) -> tuple[list[Array], list[float]]:
 def expert(facts: Facts, spec: SceneSpec, layout: Layout | Sequence[Layout] | None = None) -> Array:
     """Scripted macro action (..., 7): proportional control of what the stage asks for and nothing else."""
     del layout  # nothing is in the way
+    return act(facts, spec, stage(facts))
+
+
+def act(facts: Facts, spec: SceneSpec, u: NDArray[np.int64]) -> Array:
+    """As `expert`, the stage being `u`, int (...)."""
     speed = dict(zip(spec.actions, spec.action_speed, strict=True))
     gain = C.expert_gain / spec.control_dt
-    u = stage(facts)
     yaw = facts.base_pose[..., 2]
     error = facts.object_position - facts.eef_position
     goal_z = error[..., 2] + np.where(u >= 3, C.grasp_height, C.hover)

@@ -23,6 +23,11 @@ def causal_sets(rows: Mapping[int, Mapping[str, str]]) -> CausalSets:
     return {stage: {term: frozenset(actions.split()) for term, actions in row.items()} for stage, row in rows.items()}
 
 
+def base_name(name: str) -> str:
+    """The name of the registered task that the task `name` is a change of, see `changes`; else `name` itself."""
+    return name.partition("+")[0]
+
+
 def by_name(record: Any) -> dict[str, Any]:
     """The fields of a named tuple by name, those of named tuples within it likewise: data for `StageTask.constants`."""
     fields: dict[str, Any] = record._asdict()
