@@ -99,12 +99,12 @@ class Plugins:
     def task(self, name: str) -> StageTask:
         """The task `name`, which may say a change of a registered one, or an `UnknownNameError`.
 
-        See `causalbench.core.tasks.changes`. Raises `UserError` for a change that does not fit the task.
+        See `causalbench.core.tasks.changes.named`. Raises `UserError` for a change that does not fit the task.
         """
         task = _look_up("task", base_name(name), self.tasks)
         if task.name == name:
             return task
-        from causalbench.core.tasks.changes import changed
+        from causalbench.core.tasks.changes.named import changed
 
         return changed(task, name)
 

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
+from causalbench.core.tasks.changes.changed_task import ChangedTask
 from causalbench.core.tasks.gym_task import GymTask
 from causalbench.core.tasks.stage_task import StageTask
 from causalbench.core.tasks.task import Task
@@ -97,7 +98,12 @@ class _Scenes:
     def make_worlds(self, backend: Backend, options: Options = NO_OPTIONS) -> MakeWorlds:
         from causalbench.core.staged.scene_worlds import make_scene_worlds
 
-        return functools.partial(make_scene_worlds, self.task, backend.maker(self._options(options)))
+        make = functools.partial(make_scene_worlds, self.task, backend.maker(self._options(options)))
+        if not (isinstance(self.task, ChangedTask) and self.task.lag):
+            return make
+        from causalbench.core.staged.lagged_worlds import LaggedWorlds
+
+        return functools.partial(make, kind=LaggedWorlds)
 
     def trace_hash(self) -> str:
         from causalbench.core.kinematic.task_trace import trace_hash

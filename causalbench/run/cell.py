@@ -6,7 +6,7 @@ import logging
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -218,7 +218,7 @@ def _graph(cell: LearnerCell, task: StageTask, run: RunFolder) -> CausalGraph | 
 
     found = None
     if cell.discovery is not None:
-        found = run.stored(cell.discovery).graph()
+        found = replace(run.stored(cell.discovery).graph(), task=task.name)  # which may be another task's
     graph = training_graph(task, cell.method, found, make_worlds_of(cell.backend, task), cell.seed, cell.action_repeat)
     if graph is not None and graph.origin in ("oracle", "control"):
         write_text(run.folder(cell) / "graph.json", graph.to_json() + "\n")

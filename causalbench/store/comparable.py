@@ -37,8 +37,8 @@ def _check_same(one: StoredCell, other: StoredCell) -> None:
 def check_comparable(cells: Iterable[tuple[str, Mapping[str, Any]]]) -> None:
     """Raise `RunFolderError` unless the cells, (where it comes from, identity), may stand in one table.
 
-    Task and version must be the same throughout, and backend, budget and settings for each backend, method and point of
-    a grid.
+    Task and version must be the same throughout, but for tasks that a grid names, and backend, budget and settings for
+    each backend, method and point of a grid.
     """
     seen: dict[tuple[str, ...], tuple[str, Any]] = {}
     for where, identity in cells:
@@ -56,7 +56,7 @@ def _scopes(identity: Mapping[str, Any]) -> dict[tuple[str, ...], Any]:
     grid_point = tuple(filter(None, [grid_text(identity)]))
     scopes: dict[tuple[str, ...], Any] = {
         ("causalbench's version",): identity["code"],
-        ("the task",): identity["task"],
+        ("the task", *filter(None, [identity["grid_point"].get("task")])): identity["task"],
         ("backend", backend): identity["backend"],
     }
     if kind == "discovery":

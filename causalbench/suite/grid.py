@@ -14,8 +14,12 @@ Grid = dict[str, Annotated[tuple[Any, ...], Field(min_length=1)]]
 Combination = Mapping[str, Any]
 """Dotted key -> one of its values."""
 
-DONOR = "discovery.backend"
-"""The key of a grid that is no setting: the backend whose discovery gives a method its causal graph."""
+TASK = "task"
+"""The key of a grid whose values are tasks, in place of the suite's."""
+DONOR, DONOR_TASK = "discovery.backend", "discovery.task"
+"""Keys of a grid that are no settings: the backend, and the task, whose discovery gives a method its causal graph."""
+NAMES = (TASK, DONOR, DONOR_TASK)
+"""Keys of a grid whose values are names, of no section's settings."""
 
 
 def combinations(grid: Grid) -> Iterator[Combination]:
@@ -28,7 +32,7 @@ def layer_of(combination: Combination) -> dict[str, dict[str, Any]]:
     """The settings of a combination as a suite would write them: section -> key -> value, with nested sections."""
     layer: dict[str, dict[str, Any]] = {"learner": {}, "discovery": {}, "evaluation": {}}
     for key, value in combination.items():
-        if key == DONOR:
+        if key in NAMES:
             continue
         *path, last = key.split(".")
         place = layer

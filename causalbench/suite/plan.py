@@ -8,7 +8,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 from causalbench._version import __version__
 from causalbench.core.discovery.registry import Discoverer
@@ -19,9 +19,9 @@ from causalbench.digests import canonical_json
 from causalbench.errors import SuiteError, UnknownNameError, UserError
 from causalbench.plugins.backends import Backend
 from causalbench.plugins.manager import Plugins
-from causalbench.plugins.venues import venue_of
+from causalbench.plugins.venues import Venue, venue_of
 from causalbench.suite.cells import BackendIdentity, Cell, DiscoveryCell, LearnerCell, TaskIdentity
-from causalbench.suite.grid import DONOR, Combination, combinations, layer_of
+from causalbench.suite.grid import DONOR, DONOR_TASK, NAMES, TASK, Combination, combinations, layer_of
 from causalbench.suite.hypotheses import Hypothesis, Statement
 from causalbench.suite.positions import Location
 from causalbench.suite.schema import DiscoveryLayer, PerBackend, PerMethod, SuiteFile, TierBackend
@@ -79,6 +79,12 @@ def make_plan(
     return Plan(ordered, planner.statement(all_seeds), impossible)
 
 
+class _Played(NamedTuple):
+    task: StageTask
+    identity: TaskIdentity
+    venue: Venue
+
+
 class _Planner:
     """What the cells of one tier have in common."""
 
@@ -86,11 +92,24 @@ class _Planner:
         self.file, self.suite, self.plugins = file, file.suite, plugins
         self.tier_name = tier_name
         self.tier = next(tier for name, tier in file.suite.tiers.items() if name == tier_name)
-        self.task: StageTask = self._named(("task",), partial(plugins.task, file.suite.task))
-        self.task_identity: TaskIdentity = self._named(("task",), partial(task_identity, self.task))
-        self.venue = venue_of(self.task)
-        self._can: dict[str, frozenset[Capability]] = {}  # backend -> what worlds in it can do
-        self._backends: dict[str, tuple[BackendIdentity, str]] = {}
+        self._tasks: dict[str, _Played] = {}
+        self._can: dict[tuple[str, str], frozenset[Capability]] = {}  # task, backend -> what worlds can do
+        self._backends: dict[tuple[str, str], tuple[BackendIdentity, str]] = {}
+        self.task(self.suite.task, ("task",))
+
+    def task(self, name: str, location: Location) -> _Played:
+        """The task `name`, which stands at `location`."""
+        if name not in self._tasks:
+            task: StageTask = self._named(location, partial(self.plugins.task, name))
+            self._tasks[name] = _Played(task, self._named(location, partial(task_identity, task)), venue_of(task))
+        return self._tasks[name]
+
+    def _task_in(self, combination: Combination, donor: bool = False) -> _Played:
+        """The task of a combination, or the one whose discovery gives it its graph."""
+        for key in (DONOR_TASK, TASK) if donor else (TASK,):
+            if key in combination:
+                return self.task(combination[key], ("grid", key))
+        return self.task(self.suite.task, ("task",))
 
     def check_number(self, of_each_combination: int) -> None:
         """Refuse a plan that nobody can run. Raises `SuiteError`."""
@@ -124,13 +143,14 @@ class _Planner:
         self._named(("methods", self.suite.methods.index(name)), partial(self.plugins.learner, method.learner))
         return method
 
-    def backend(self, name: str, combination: Combination) -> BackendIdentity:
-        """The backend `name`, which the suite or `combination` names, as it enters a cell."""
-        if name not in self._backends:
-            self._backends[name] = self._find_backend(name, combination)
-        return self._backends[name][0]
+    def backend(self, name: str, played: _Played, combination: Combination) -> BackendIdentity:
+        """The backend `name`, which the suite or `combination` names, as it enters a cell of the task `played`."""
+        key = (played.identity.name, name)
+        if key not in self._backends:
+            self._backends[key] = self._find_backend(name, played.venue, combination)
+        return self._backends[key][0]
 
-    def _find_backend(self, name: str, combination: Combination) -> tuple[BackendIdentity, str]:
+    def _find_backend(self, name: str, venue: Venue, combination: Combination) -> tuple[BackendIdentity, str]:
         """The backend, and why it cannot run the task, "" if it can."""
         location: Location = ("tiers", self.tier_name, "backends", name)
         if name not in self.suite.backends_in(self.tier):
@@ -140,23 +160,34 @@ class _Planner:
         found: Backend = self._named(location, partial(self.plugins.backend, name))
         options = self.suite.per_backend.get(name, PerBackend()).options
         version = self.plugins.owners[name].version
-        modules = module_versions((*found.modules, *self.venue.modules))
-        self._named(("per_backend", name, "options"), partial(self.venue.check_options, found, options))
-        return BackendIdentity(name, version, modules, options), self.venue.refusal(found, options)
+        modules = module_versions((*found.modules, *venue.modules))
+        self._named(("per_backend", name, "options"), partial(venue.check_options, found, options))
+        return BackendIdentity(name, version, modules, options), venue.refusal(found, options)
 
     def beyond(self, cell: Cell) -> str:
         """What the cell asks of a backend or of worlds that cannot do it, in a sentence; "" if they can."""
-        name = cell.backend.name
-        if reason := self._backends[name][1]:
+        name, key = cell.backend.name, (cell.task.name, cell.backend.name)
+        if reason := self._backends[key][1]:
             return reason
-        if name not in self._can:
-            self._can[name] = self.venue.capabilities(self.plugins.backends[name], cell.backend.options)
-        can = self._can[name]
+        if key not in self._can:
+            venue = self._tasks[cell.task.name].venue
+            self._can[key] = venue.capabilities(self.plugins.backends[name], cell.backend.options)
+        can = self._can[key]
         needs = requirements(cell, self.plugins.discoverers)
-        lacked = [lacking(need, purpose, name, self.task.name) for need, purpose in needs if need not in can]
+        lacked = [lacking(need, purpose, name, cell.task.name) for need, purpose in needs if need not in can]
+        if isinstance(cell, LearnerCell) and cell.discovery and (foreign := self._foreign(cell, cell.discovery)):
+            return foreign
         if isinstance(cell, LearnerCell) and cell.discovery and not lacked:
             return self.beyond(cell.discovery)
         return next(iter(lacked), "")
+
+    def _foreign(self, cell: LearnerCell, donor: DiscoveryCell) -> str:
+        """Why the graph of another task cannot be that of the cell's, in a sentence; "" if it can."""
+        one, other = (self._tasks[name].task for name in (cell.task.name, donor.task.name))
+        for what in ("actions", "n_stages", "terms"):
+            if getattr(one, what) != getattr(other, what):
+                return f"task {one.name!r} cannot use a causal graph of {other.name!r}: their {what} differ"
+        return ""
 
     def cells(self, backend: str, methods: Sequence[Method], seeds: Sequence[int]) -> Iterator[Cell]:
         """All cells on one backend; some more than once."""
@@ -174,32 +205,37 @@ class _Planner:
 
     def _discovery(self, user: str, seed: int, combination: Combination) -> DiscoveryCell:
         """The discovery whose graph `seed` uses on the backend `user`."""
-        name = combination.get(DONOR, user)
-        backend, section = self.backend(name, combination), self.file.sections.discovery
+        name, played = combination.get(DONOR, user), self._task_in(combination, donor=True)
+        backend, section = self.backend(name, played, combination), self.file.sections.discovery
         layers: list[DiscoveryLayer] = [self.suite, self._of_backend(name), self.tier, self._in_tier(name)]
         patches = [*(layer.discovery for layer in layers), layer_of(combination)["discovery"]]
         location = self._discoverer_location(name, combination)
         settings = self._named(location, partial(section.resolve, patches))
         self._named(location, partial(self.plugins.discoverer, settings.discoverer))
         grid_point = _reaching(combination, "discovery", partial(section.reaches, subject=settings.discoverer))
+        if TASK in combination or DONOR_TASK in combination:
+            grid_point = {TASK: played.identity.name, **grid_point}
         own = self.suite.graphs_in(self.tier) == "per_seed"
         return DiscoveryCell(
-            __version__, self.task_identity, backend, seed if own else self.suite.first_seed, settings, grid_point
+            __version__, played.identity, backend, seed if own else self.suite.first_seed, settings, grid_point
         )
 
     def _learner(self, backend: str, method: Method, seed: int, combination: Combination) -> LearnerCell:
         sections, patches = self.file.sections, self._learner_patches(backend, method.name, combination)
+        played = self._task_in(combination)
         asks = method.matrix in ("discovered", "oracle")
         asked = self._discovery(backend, seed, combination) if asks else None
         discovery = asked if method.matrix == "discovered" else None
         grid_point = _reaching(combination, "learner", partial(sections.learner.reaches, subject=method.learner))
         grid_point |= _reaching(combination, "evaluation", lambda key: True)
+        if TASK in combination:
+            grid_point = {TASK: combination[TASK], **grid_point}
         if method.matrix == "oracle":
             grid_point |= _reaching(combination, "discovery", lambda key: key == "action_repeat")
         return LearnerCell(
             code=__version__,
-            task=self.task_identity,
-            backend=self.backend(backend, combination),
+            task=played.identity,
+            backend=self.backend(backend, played, combination),
             method=method,
             seed=seed,
             env_steps=self._in_tier(backend).env_steps or self.tier.env_steps or 0,
@@ -248,8 +284,8 @@ class _Planner:
 
 def _of_discovery(discovery: DiscoveryCell, combination: Combination) -> dict[str, Any]:
     """What of `combination` reaches a method by the discovery whose graph it uses."""
-    donor = {DONOR: combination[DONOR]} if DONOR in combination else {}
-    return {**discovery.grid_point, **donor}
+    donors = {key: combination[key] for key in (DONOR_TASK, DONOR) if key in combination}
+    return {**{key: value for key, value in discovery.grid_point.items() if key != TASK}, **donors}
 
 
 def requirements(cell: Cell, discoverers: Mapping[str, Discoverer]) -> Iterator[tuple[Capability, str]]:
@@ -272,7 +308,7 @@ def _reaching(combination: Combination, section: str, reaches: Callable[[str], b
     return {
         key: value
         for key, value in combination.items()
-        if key.startswith(prefix) and key != DONOR and reaches(key.removeprefix(prefix))
+        if key.startswith(prefix) and key not in NAMES and reaches(key.removeprefix(prefix))
     }
 
 

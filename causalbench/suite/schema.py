@@ -14,7 +14,7 @@ from causalbench.core.discovery.settings import DiscoverySettings
 from causalbench.errors import UnknownNameError
 from causalbench.formats import SuiteFormat
 from causalbench.plugins.manager import Plugins
-from causalbench.suite.grid import DONOR, Grid, layer_of
+from causalbench.suite.grid import NAMES, TASK, Grid, layer_of
 from causalbench.suite.hypotheses import Hypothesis
 from causalbench.suite.messages import as_json, explain, guess, worst
 from causalbench.suite.positions import Location, PositionedYaml, Source
@@ -244,13 +244,17 @@ def _grids(suite: Suite) -> Iterator[tuple[Location, Grid]]:
 def _check_grid(file: SuiteFile, place: Location, grid: Grid, learners: Mapping[str, str]) -> None:
     for key, values in grid.items():
         section, _, rest = key.partition(".")
-        if section not in SECTIONS or not rest:
-            raise file.source.mistake((*place, key), f"expected {', '.join(f'{name}.KEY' for name in SECTIONS)}")
+        if key != TASK and (section not in SECTIONS or not rest):
+            expected = ", ".join(f"{name}.KEY" for name in SECTIONS)
+            raise file.source.mistake((*place, key), f"expected {expected} or {TASK}")
         for index, value in enumerate(values):
             if value in values[:index]:
                 raise file.source.mistake((*place, key, index), f"{value!r} is listed twice")
-            if key == DONOR and not isinstance(value, str):
-                raise file.source.mistake((*place, key, index), f"expected the name of a backend, got {value!r}")
+            if key in NAMES:
+                if not isinstance(value, str):
+                    kind = "backend" if key.endswith("backend") else "task"
+                    raise file.source.mistake((*place, key, index), f"expected the name of a {kind}, got {value!r}")
+                continue
             patch = layer_of({key: value})[section]
             if found := file.sections.problem(section, patch, learners):
                 raise file.source.mistake((*place, key, index), found[1])

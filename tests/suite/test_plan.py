@@ -442,3 +442,38 @@ def test_a_backend_that_gives_graphs_alone_is_planned_and_checked_too(tmp_path: 
         plan(tmp_path, plugins, text.replace("[kinematic, pybullet]", "[kinematic, bullet]"))
     with pytest.raises(SuiteError, match=r"grid\.discovery\.backend\.1: expected the name of a backend, got 3"):
         plan(tmp_path, plugins, text.replace("[kinematic, pybullet]", "[kinematic, 3]"))
+
+
+TASKS = SUITE.replace("[kinematic, pybullet]", "[kinematic]") + (
+    "grid:\n  task: [pure_manipulation, pure_manipulation+halved, pure_manipulation+merged]\n"
+    "  discovery.task: [pure_manipulation]\n"
+)
+
+
+def test_a_grid_of_tasks_has_cells_of_each_and_graphs_of_another(tmp_path: Path, plugins: Plugins) -> None:
+    found = plan(tmp_path, plugins, TASKS, seeds=1)
+    learners = [cell for cell in found.cells if isinstance(cell, LearnerCell)]
+    names = [f"pure_manipulation{change}" for change in ("", "+halved", "+merged")]
+    assert list(dict.fromkeys(cell.task.name for cell in learners)) == names
+    assert {cell.grid_point["task"] for cell in learners} == {*names}
+    assert {cell.discovery.task.name for cell in learners if cell.discovery} == {"pure_manipulation"}
+    assert {c.task.name for c in found.cells if isinstance(c, DiscoveryCell)} == {"pure_manipulation"}
+    assert all("discovery.task" not in cell.grid_point for cell in learners if cell.discovery is None)
+
+
+def test_a_graph_that_does_not_fit_the_task_is_said_to(tmp_path: Path, plugins: Plugins) -> None:
+    found = plan(tmp_path, plugins, TASKS, seeds=1)
+    learners = [cell for cell in found.cells if isinstance(cell, LearnerCell) and cell.discovery]
+    refused = {cell.task.name: found.impossible.get(cell.id, "") for cell in learners}
+    assert refused["pure_manipulation"] == refused["pure_manipulation+halved"] == ""
+    assert "their n_stages differ" in refused["pure_manipulation+merged"]
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [("[pure_manipulation+mergd]", "Did you mean 'merged'"), ("[3]", "expected the name of a task")],
+)
+def test_a_wrong_task_in_a_grid_is_refused(tmp_path: Path, plugins: Plugins, values: str, message: str) -> None:
+    text = TASKS.partition("grid:")[0] + f"grid:\n  task: {values}\n"
+    with pytest.raises(UserError, match=message):
+        plan(tmp_path, plugins, text, seeds=1)

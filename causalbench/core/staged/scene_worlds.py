@@ -24,12 +24,17 @@ from causalbench.errors import UserError
 Array = NDArray[np.float64]
 
 
-def make_scene_worlds(task: Task, make_scene: Callable[[], Scene], n: int | None = None) -> SceneWorlds:
-    """New worlds of `task` in one scene, or in `n` that step together: with two arguments bound, a `MakeWorlds`."""
+def make_scene_worlds(
+    task: Task, make_scene: Callable[[], Scene], n: int | None = None, kind: type[SceneWorlds] | None = None
+) -> SceneWorlds:
+    """New worlds of `task` in one scene, or in `n` that step together: with two arguments bound, a `MakeWorlds`.
+
+    They are of the class `kind`, `SceneWorlds` if None.
+    """
     check_count(n)
-    worlds = SceneWorlds(task, make_scene() if n is None else make_batch(make_scene, n))
-    worlds.recipe = functools.partial(make_scene_worlds, task, make_scene, n)
-    worlds.alone = functools.partial(make_scene_worlds, task, make_scene)
+    worlds = (kind or SceneWorlds)(task, make_scene() if n is None else make_batch(make_scene, n))
+    worlds.recipe = functools.partial(make_scene_worlds, task, make_scene, n, kind)
+    worlds.alone = functools.partial(make_scene_worlds, task, make_scene, None, kind)
     return worlds
 
 
@@ -55,7 +60,9 @@ class SceneWorlds(Worlds):
         self.task: Task = task
         self.scene, self.spec = scene, scene.spec
         self._columns = action_columns(task, scene.spec)
-        self._all_columns = self._columns.tolist() == list(range(len(scene.spec.actions)))
+        self._all_columns = (
+            self._columns.tolist() == list(range(len(scene.spec.actions))) == list(range(len(task.actions)))
+        )
         self._batch = scene if isinstance(scene, BatchScene) else SceneList([scene])
         self.shape = (scene.n,) if isinstance(scene, BatchScene) else ()
         self.steps_as_one = not isinstance(self._batch, SceneList)
@@ -89,7 +96,7 @@ class SceneWorlds(Worlds):
         full = actions
         if not self._all_columns:
             full = self._full
-            full[..., self._columns] = actions
+            full[..., self._columns] = actions[..., : len(self._columns)]
         for _ in range(repeat):
             self.scene.step(full)
         before, self.facts = self.facts, with_extras(self.scene.facts(), self._extras)
@@ -181,12 +188,15 @@ def origin_of(spec: SceneSpec) -> Origin:
 
 
 def action_columns(task: Task, spec: SceneSpec) -> NDArray[np.int64]:
-    """Where each task action stands in the scene's action vector; a `UserError` names what is missing."""
-    missing = [a for a in task.actions if a not in spec.actions]
+    """Where each task action stands in the scene's action vector; a `UserError` names what is missing.
+
+    Actions that no scene executes, which are the last ones, stand nowhere.
+    """
+    missing = [a for a in task.scene_actions if a not in spec.actions]
     lacking = sorted(task.requires - spec.capabilities)
     if missing or lacking:
         raise UserError(
             f"backend {spec.backend!r} cannot run task {task.name!r}: missing actions {missing}, "
             f"missing capabilities {lacking}"
         )
-    return np.array([spec.actions.index(a) for a in task.actions])
+    return np.array([spec.actions.index(a) for a in task.scene_actions])

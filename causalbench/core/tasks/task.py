@@ -79,6 +79,11 @@ class Task(StageTask):
         if "lidar" in self.observes and Capability.LIDAR not in self.requires:
             raise UserError(f"task {self.name!r} observes the lidar, so `requires` must name Capability.LIDAR")
 
+    @property
+    def scene_actions(self) -> tuple[str, ...]:
+        """The actions that a scene executes, the first of `actions`."""
+        return self.actions
+
     def input_names(self, features: bool, sectors: bool = False) -> tuple[str, ...]:
         """The state variables, since rewards may depend on it how far the gripper is open, features and sectors."""
         seen = tuple(f"sector_{k}" for k in range(N_SECTORS)) if sectors else ()

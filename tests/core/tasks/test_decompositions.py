@@ -49,5 +49,5 @@ def test_a_change_has_an_identity_of_its_own() -> None:
 def test_a_wrong_change_is_refused_with_what_exists() -> None:
     with pytest.raises(UnknownNameError, match="merged"):
         installed().task(f"{BASE}+mergd")
-    with pytest.raises(UserError, match="pure_manipulation's stages alone"):
+    with pytest.raises(UserError, match="of pure_manipulation's stages alone"):
         installed().task("stack+merged")

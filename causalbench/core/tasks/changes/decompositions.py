@@ -1,6 +1,6 @@
 """Bad decompositions of pure manipulation: what happens where its stages, tolerances or terms are chosen badly.
 
-Each is a `Decomposition`, and `decomposed` makes a task of it. `core.tasks.changes` has the names.
+Each is a `Decomposition`, and `decomposed` makes a task of it. `changes.named` has the names.
 """
 
 from __future__ import annotations
@@ -78,7 +78,9 @@ DECOMPOSITIONS = {
 def decomposed(task: Task, name: str) -> Task:
     """Pure manipulation cut as `DECOMPOSITIONS[name]` says. Raises `UserError` for another task."""
     if task is not pure.TASK:
-        raise UserError(f"task {task.name!r}: the change {name!r} is one of {pure.TASK.name}'s stages alone")
+        raise UserError(
+            f"task {task.name!r}: the change {name!r} is of {pure.TASK.name}'s stages alone, and comes first"
+        )
     plan = DECOMPOSITIONS[name]
     terms = terms_of(name)
     manual: dict[str, frozenset[str]] = {term: row for by in data.MANUAL_GRAPH.values() for term, row in by.items()}
