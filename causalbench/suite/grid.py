@@ -18,6 +18,8 @@ TASK = "task"
 """The key of a grid whose values are tasks, in place of the suite's."""
 DONOR, DONOR_TASK = "discovery.backend", "discovery.task"
 """Keys of a grid that are no settings: the backend, and the task, whose discovery gives a method its causal graph."""
+OWN = "own"
+"""What `DONOR_TASK` may name instead of a task: the one that the method learns."""
 NAMES = (TASK, DONOR, DONOR_TASK)
 """Keys of a grid whose values are names, of no section's settings."""
 

@@ -21,7 +21,7 @@ from causalbench.plugins.backends import Backend
 from causalbench.plugins.manager import Plugins
 from causalbench.plugins.venues import Venue, venue_of
 from causalbench.suite.cells import BackendIdentity, Cell, DiscoveryCell, LearnerCell, TaskIdentity
-from causalbench.suite.grid import DONOR, DONOR_TASK, NAMES, TASK, Combination, combinations, layer_of
+from causalbench.suite.grid import DONOR, DONOR_TASK, NAMES, OWN, TASK, Combination, combinations, layer_of
 from causalbench.suite.hypotheses import Hypothesis, Statement
 from causalbench.suite.positions import Location
 from causalbench.suite.schema import DiscoveryLayer, PerBackend, PerMethod, SuiteFile, TierBackend
@@ -107,7 +107,7 @@ class _Planner:
     def _task_in(self, combination: Combination, donor: bool = False) -> _Played:
         """The task of a combination, or the one whose discovery gives it its graph."""
         for key in (DONOR_TASK, TASK) if donor else (TASK,):
-            if key in combination:
+            if combination.get(key, OWN) != OWN:
                 return self.task(combination[key], ("grid", key))
         return self.task(self.suite.task, ("task",))
 

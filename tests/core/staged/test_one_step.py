@@ -11,6 +11,8 @@ ROOT = Path(__file__).parents[3]
 JUDGES = {
     "causalbench/core/staged/scene_worlds.py",
     "causalbench/core/staged/gym_world.py",
+    "causalbench/core/staged/lagged_worlds.py",
+    "causalbench/core/tasks/changes/scenes.py",
     "causalbench/core/tasks/pure_manipulation_dense.py",
     "causalbench/conformance/task_checks/repeat.py",
     "causalbench/conformance/task_checks/rewards.py",
