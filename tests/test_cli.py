@@ -103,7 +103,7 @@ def test_plan_estimates_from_what_has_run(cli: Callable, tiny_suite: Path, finis
     seconds = [cell["seconds"] for cell in cells]
     assert (seconds[2], seconds[4]) == (pytest.approx(seconds[1]), pytest.approx(seconds[3]))
     table = cli("plan", tiny_suite, "--tier", "smoke", "--out", finished_run).stdout
-    assert "About 0.0 minutes left" in table
+    assert "About 0 s left" in table
     assert "No estimate for some cells" in cli("plan", tiny_suite, "--tier", "smoke").stdout
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated
 
@@ -24,7 +25,9 @@ from causalbench.cli.until_decided import execute_until_decided
 from causalbench.processes import cores, use_one_thread_each
 
 if TYPE_CHECKING:
+    from causalbench.run.measure import Needs
     from causalbench.store.run_folder import RunFolder
+    from causalbench.suite.cells import Cell
     from causalbench.suite.plan import Plan
 
 
@@ -105,9 +108,13 @@ def plan(
     only: Only = None,
     out: Out = None,
     jobs: Jobs = None,
+    measure: Annotated[
+        bool, typer.Option(help="Try a cell of each kind that has not run for some seconds, to say what it takes.")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Show what `run` would do, with times estimated from cells that have run."""
+    """Show what `run` would do and what that takes, from cells that have run or, with --measure, from trying them."""
+    use_one_thread_each()
     from causalbench.cli.terminal_tables import print_plan, print_problems
     from causalbench.run.session import estimate_seconds, status_in
     from causalbench.running import planned
@@ -115,19 +122,32 @@ def plan(
     chosen, folder, _ = planned(suite, tier, out, seeds, only or ())
     print_problems([folder])
     estimates = estimate_seconds(chosen, folder)
-    rows = [
-        {
-            "cell": cell.id,
-            "kind": cell.identity["kind"],
-            "state": status_in(chosen, folder, cell).state,
-            "seconds": estimates[cell.id],
-        }
-        for cell in chosen.cells
-    ]
+    states = {cell.id: status_in(chosen, folder, cell).state for cell in chosen.cells}
+    needs = _measured(cell for cell in chosen.cells if states[cell.id] not in ("done", "skipped")) if measure else {}
+    rows = []
+    for cell in chosen.cells:
+        known, seconds = needs.get(cell.id), estimates[cell.id]
+        rows.append(
+            {
+                "cell": cell.id,
+                "kind": cell.identity["kind"],
+                "state": states[cell.id],
+                "env_steps": cell.identity.get("env_steps"),
+                "seconds": known.seconds if known and seconds is None else seconds,
+                "disk": known.disk if known else None,
+                "memory": known.memory if known else None,
+            }
+        )
     if as_json:
         print_json({"out": str(folder.path), "cells": rows})
     else:
         print_plan(rows, folder.path, jobs or cores())
+
+
+def _measured(cells: Iterable[Cell]) -> dict[str, Needs]:
+    from causalbench.run.measure import measure
+
+    return measure(cells, lambda text: typer.echo(text, err=True))
 
 
 def _print_run(plan: Plan, folder: RunFolder, as_json: bool) -> None:

@@ -113,18 +113,36 @@ def print_verdicts(verdicts: Sequence[Verdict], changes: Sequence[str]) -> None:
 
 
 def print_plan(rows: Sequence[Row], folder: Path, jobs: int) -> None:
-    """What would run, and how long it would take with `jobs` cells at a time."""
-    table = Table("cell", "kind", "state", "time", title=f"Plan for {folder}", title_justify="left")
+    """What would run, and what it would take with `jobs` cells at a time."""
+    columns = ("cell", "kind", "state", "steps", "time", "disk", "memory")
+    table = Table(*columns, title=f"Plan for {folder}", title_justify="left")
     for row in rows:
-        table.add_row(
-            row["cell"], row["kind"], row["state"], "" if row["seconds"] is None else f"{row['seconds']:.0f} s"
-        )
+        taken = "" if row["seconds"] is None else duration(row["seconds"])
+        disk, memory = (_bytes(row[key]) if row[key] else "" for key in ("disk", "memory"))
+        steps = "" if row["env_steps"] is None else f"{row['env_steps']:,}"
+        table.add_row(row["cell"], row["kind"], row["state"], steps, taken, disk, memory)
     _print(table)
-    left = [row["seconds"] for row in rows if row["state"] != "done"]
-    if None in left:
-        _print("No estimate for some cells: no such cell has run in this folder yet.")
+    left = [row for row in rows if row["state"] not in ("done", "skipped")]
+    total = sum(row["env_steps"] or 0 for row in left)
+    _print(f"{len(left)} of {len(rows)} cells to run, {total:,} steps of training beside those of discovery")
+    if any(row["seconds"] is None for row in left):
+        _print("No estimate for some cells: no such cell has run in this folder yet; --measure tries them.")
     else:
-        _print(f"About {sum(left) / jobs / 60:.1f} minutes left, {jobs} cells at a time.")
+        seconds = [row["seconds"] for row in left]
+        most = duration(max([sum(seconds) / jobs, *seconds]))
+        _print(f"About {most} left, {jobs} cells at a time{_room(left, jobs)}.")
+
+
+def _room(rows: Sequence[Row], jobs: int) -> str:
+    """What cells need of disk and memory, `jobs` at a time, where it was measured."""
+    disk, memory = ([row[key] for row in rows if row[key]] for key in ("disk", "memory"))
+    if not disk:
+        return ""
+    return f"; {_bytes(sum(disk))} on the disk, {_bytes(sum(sorted(memory)[-jobs:]))} of memory"
+
+
+def _bytes(number: float) -> str:
+    return f"{number / 1e9:.1f} GB" if number >= 1e9 else f"{number / 1e6:.0f} MB"
 
 
 def print_status(found: RunStatus) -> None:
