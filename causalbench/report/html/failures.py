@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from typing import Any
 
+from causalbench.report.decomposition_warnings import decomposition_warnings
 from causalbench.report.html.parts import Column, Fold, Note, Row, Section, Table, Text, Value
 from causalbench.report.html.source import Source
 from causalbench.report.html.wording import count, listed, text
@@ -15,7 +16,7 @@ LOGS = 12
 
 
 def section(source: Source) -> Section:
-    """Cells that are not done, damage, and the known gaps of backends."""
+    """Cells that are not done, damage, what speaks against the decomposition, and the known gaps of backends."""
     unfinished = [cell for cell in source.cells if cell.status.state != "done"]
     states = Counter(cell.status.state for cell in source.cells)
     summary = listed(f"{n} {state}" for state, n in sorted(states.items()))
@@ -31,6 +32,9 @@ def section(source: Source) -> Section:
         ]  # fmt: skip
         columns = [Column("state"), Column("cell"), Column("reason")]
         blocks += [Table("Cells that are not done", columns, rows), *_logs(source)]
+    tables = source.tables
+    warned = decomposition_warnings(tables.discovery, tables.stage_account, tables.episodes)
+    blocks += [Note(f"A warning of the decomposition: {sentence}", "warn") for sentence in warned]
     blocks.append(_gaps(source))
     return Section("failures", "Failures, skipped cells and known gaps", "", blocks)
 
