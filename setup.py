@@ -10,7 +10,7 @@ from setuptools.command.build_py import build_py
 ROOT = Path(__file__).parent
 TREES = {
     "suites": ["*.yaml"],
-    "docs": ["*.md", "*.svg", "*.png"],
+    "docs": ["*.md", "*.svg", "*.png", "*.gif"],
     "examples": ["*.md", "*.py", "*.toml", "*.yaml", "*.xml", "*.ipynb"],
     "studies": ["*.md", "*.py", "*.yaml", "*.sh"],
     ".": ["README.md", "CHANGELOG.md", "CONTRIBUTING.md", "LICENSE"],

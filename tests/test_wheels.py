@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import os
 import re
 import subprocess
@@ -42,6 +43,14 @@ def call(site: Path, cwd: Path, *arguments: str) -> str:
     done = subprocess.run([sys.executable, *arguments], cwd=cwd, env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     return done.stdout
+
+
+def test_every_kind_of_file_in_the_documentation_travels_with_the_wheel() -> None:
+    """But for tables of numbers and for what makes the reference."""
+    assigned = (node for node in ast.parse((ROOT / "setup.py").read_text()).body if isinstance(node, ast.Assign))
+    trees = next(ast.literal_eval(node.value) for node in assigned if ast.unparse(node.targets[0]) == "TREES")
+    there = {f"*{path.suffix}" for path in (ROOT / "docs").rglob("*") if path.is_file()}
+    assert there - {"*.csv", "*.py", "*.pyc"} == set(trees["docs"])
 
 
 @pytest.mark.long
