@@ -204,22 +204,22 @@ def _check_sections(file: SuiteFile, learners: Mapping[str, str]) -> None:
 
 
 def _check_discoverers(file: SuiteFile) -> None:
-    """Refuse a section of a discoverer that nothing in the suite chooses."""
-    suite = file.suite
-    layers = [(place, layer.discovery) for place, layer, _ in _layers(suite) if isinstance(layer, DiscoveryLayer)]
-    grids = [((*place, key), layer_of({key: value})["discovery"]) for place, grid in _grids(suite)
-             for key, values in grid.items() for value in values]  # fmt: skip
-    chosen = {patch["discoverer"] for _, patch in [*layers, *grids] if "discoverer" in patch}
-    if "discoverer" not in suite.discovery:
+    """Refuse settings of a discoverer that nothing in the suite chooses."""
+    layers = [(place, layer.discovery) for place, layer, _ in _layers(file.suite) if isinstance(layer, DiscoveryLayer)]
+    grids = list(_grids(file.suite))
+    chosen = {patch["discoverer"] for _, patch in layers if "discoverer" in patch}
+    chosen |= {name for _, grid in grids for name in grid.get("discovery.discoverer", ())}
+    if "discoverer" not in file.suite.discovery:
         chosen.add(DiscoverySettings().discoverer)
-    for place, patch in layers:
-        for name in patch:
-            if name in file.sections.discovery.own and name not in chosen:
-                raise file.source.mistake(
-                    (*place, "discovery", name),
-                    f"settings of the discoverer {name!r}, and this suite discovers with {', '.join(sorted(chosen))}; "
-                    f"leave it out, or say discoverer: {name}",
-                )
+    named = [((*place, "discovery", name), name) for place, patch in layers for name in patch]
+    named += [((*place, key), key.split(".")[1]) for place, grid in grids for key in grid if key.count(".") > 1]
+    for location, name in named:
+        if name in file.sections.discovery.own and name not in chosen:
+            raise file.source.mistake(
+                location,
+                f"settings of the discoverer {name!r}, and this suite discovers with {', '.join(sorted(chosen))}; "
+                f"leave it out, or say discoverer: {name}",
+            )
 
 
 def _layers(suite: Suite) -> Iterator[tuple[Location, Layer, Sequence[str]]]:

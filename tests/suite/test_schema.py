@@ -117,6 +117,8 @@ def refused(folder: Path, text: str, plugins: Plugins) -> str:
          "discovery.paired: settings of the discoverer 'paired', and this suite discovers with kl; leave it out"),
         ("    env_steps: 20_000", "    env_steps: 20_000\n    discovery: {discoverer: paired, cmi: {}}", 10,
          "tiers.quick.discovery.cmi: settings of the discoverer 'cmi', and this suite discovers with kl, paired"),
+        ("mPPO]", "mPPO]\ngrid: {discovery.paired.max_actions: [10, 20]}", 6,
+         "grid.discovery.paired.max_actions: settings of the discoverer 'paired', and this suite discovers with kl; l"),
         ("name: demo", f"name: {'a' * 65}", 2, "name: String should have at most 64 characters, got 'aaa"),
         ("task: pure_manipulation\n", "", 1, "task: this key is missing"),
         ("    env_steps: 20_000\n", "", 7, "tiers.quick.env_steps: this key is missing"),
