@@ -87,3 +87,8 @@ def test_a_hand_that_points_down_is_level() -> None:
 @pytest.mark.long
 class TestStackCubes(TaskConformance):
     task = "stack_cubes"
+
+
+@pytest.mark.long
+class TestNutAssemblySquare(TaskConformance):
+    task = "nut_assembly_square"
