@@ -1,7 +1,7 @@
 """How far the graph of the unchanged scene carries: `python studies/variants/analysis.py runs/variants_graphs-quick`.
 
-A row per backend, point of the grid and seed of a run: F1, missed and false edges of the scene's own graph and of that of the
-unchanged scene, both among the edges that the scene's own oracle calls strong or absent.
+A row per backend, point of the grid and seed of a run: F1, missed and false edges of the scene's own graph and of that
+of the unchanged scene, both among the edges that the scene's own oracle calls strong or absent.
 """
 
 import sys
