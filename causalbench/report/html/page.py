@@ -15,6 +15,7 @@ from markupsafe import Markup
 
 from causalbench._version import __version__
 from causalbench.atomic import write_folder, write_text
+from causalbench.errors import UserError
 from causalbench.report.figures import FIGURES
 from causalbench.report.html import (
     board,
@@ -57,13 +58,16 @@ def write_report(folder: str | PathLike[str], out: str | PathLike[str] | None = 
     """Write `report.html` into the run folder `folder`, with figures/, leaderboard.md and leaderboard.tex beside it.
 
     With `out` the page alone is written, there. What is read is the folder: no torch, no simulator, no network. Returns
-    the path of the page. Raises `RunFolderError` for a folder without cells.
+    the path of the page. Raises `RunFolderError` for a folder without cells, `UserError` where it cannot write.
     """
     source = read_source(Path(folder))
     path = Path(out) if out else source.run.path / REPORT
-    write_text(path, render(source))
-    if out is None:
-        write_beside(source)
+    try:
+        write_text(path, render(source))
+        if out is None:
+            write_beside(source)
+    except OSError as error:
+        raise UserError(f"{path}: cannot be written ({error.strerror}); choose another place with --out") from error
     return path
 
 

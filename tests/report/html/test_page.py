@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 from stored import discovered, finished
 
-from causalbench.errors import RunFolderError
+from causalbench.errors import RunFolderError, UserError
 from causalbench.report.html.page import SECTIONS, write_report
 from causalbench.store.run_folder import RunFolder
 
@@ -143,6 +143,13 @@ def test_a_folder_of_discoveries_alone_has_a_page(tmp_path: Path) -> None:
 def test_no_folder_of_a_run_is_refused(tmp_path: Path) -> None:
     with pytest.raises(RunFolderError, match="no cells here"):
         write_report(tmp_path)
+
+
+@pytest.mark.parametrize("out", [".", "nowhere/page.html"])
+def test_a_page_that_cannot_be_written_is_a_sentence(tmp_path: Path, out: str) -> None:
+    discovered(RunFolder(tmp_path))
+    with pytest.raises(UserError, match=r"cannot be written \(.*\); choose another place with --out"):
+        write_report(tmp_path, tmp_path / out)
 
 
 def test_with_out_nothing_is_written_into_the_run_and_nothing_heavy_is_imported(
