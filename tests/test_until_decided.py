@@ -12,6 +12,7 @@ from causalbench.cli import until_decided
 from causalbench.cli.until_decided import execute_until_decided
 from causalbench.errors import UserError
 from causalbench.plugins.manager import installed
+from causalbench.report.tables import write_tables
 from causalbench.store.run_folder import RunFolder
 from causalbench.suite.plan import Plan, make_plan
 from causalbench.suite.schema import load_suite
@@ -58,6 +59,9 @@ def test_seeds_are_added_until_the_hypothesis_is_decided(
     done = execute_until_decided(plan_of(tmp_path, SUITE + HYPOTHESES), run, None, None, quiet=True)
     assert ran == looks
     assert {cell.seed for cell in done.cells} == set(range(100, 100 + looks[-1]))
+    _, board = write_tables(run)["leaderboard.csv"]
+    assert [row["seeds"] for row in board] == [looks[-1]] * 2
+    assert not any("not ranked" in row["verdict"] for row in board), "seeds that were saved are not missing"
     assert capsys.readouterr().err.splitlines()[-1] == reason
     (stated,) = run.stated()
     assert (stated.before_any_cell, stated.statement.looks) == (True, (5, 7, 8, 10))

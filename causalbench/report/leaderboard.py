@@ -14,6 +14,7 @@ import numpy as np
 from causalbench.report import stats
 from causalbench.report.ranking import can_show, ranks, shown_better
 from causalbench.report.stats import Array
+from causalbench.report.verdicts import Finished, asked_for
 from causalbench.store.cells import StoredCell
 from causalbench.store.statements import Stated
 
@@ -69,17 +70,19 @@ class Entry:
 def leaderboard(results: Sequence[Row], cells: Iterable[StoredCell], stated: Iterable[Stated]) -> list[Row]:
     """Rows of `leaderboard.csv`: a board for each backend and, if there are several of one budget, one named `all`.
 
-    `results` are rows of `results.csv`; `cells` tell which methods there are and what failed, `stated` which seeds were
-    planned. A method of which a planned cell is not finished is not ranked. `steps_to_90` is a median over cells, None
-    where fewer than half got there within `budget`; `reached_90` and `stopped_cells` count cells. `sources` counts the
-    versions of the source code that made the cells of the board: more than one says that it mixes code.
+    `results` are rows of `results.csv`; `cells` tell which methods there are and what failed, `stated` which seeds
+    were planned (those that `--until-decided` saved were not). A method of which a planned cell is not finished is
+    not ranked. `steps_to_90` is a median over cells, None where fewer than half got there within `budget`;
+    `reached_90` and `stopped_cells` count cells. `sources` counts the versions of the source code that made the
+    cells of the board: more than one says that it mixes code.
     """
     learners = [cell for cell in cells if cell.kind == "learner"]
     backends = sorted({cell.backend for cell in learners})
     seeds = {backend: {cell.seed for cell in learners if cell.backend == backend} for backend in backends}
+    finished = Finished.of(results, learners)
     for statement in (entry.statement for entry in stated):
         for backend in seeds.keys() & set(statement.backends):
-            seeds[backend] |= set(statement.seeds)
+            seeds[backend] |= set(asked_for(statement, finished))
     boards = [(backend, [backend]) for backend in backends]
     if len(backends) > 1 and len({row["budget"] for row in results}) <= 1:
         boards.insert(0, ("all", backends))

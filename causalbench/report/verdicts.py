@@ -98,6 +98,12 @@ def begun(statement: Statement, finished: Finished, look: int) -> bool:
     return any(seed in added for _, _, seed in finished.states)
 
 
+def asked_for(statement: Statement, finished: Finished) -> tuple[int, ...]:
+    """The seeds that a run had to play: of one that may stop at a look, those up to the last look that was begun."""
+    last = max((n for n in range(1, len(statement.looks) + 1) if begun(statement, finished, n)), default=1)
+    return statement.seeds[: statement.looks[last - 1]] if statement.looks else statement.seeds
+
+
 def _family(
     measure: str, hypotheses: Sequence[Hypothesis], stated: bool, *, statement: Statement, finished: Finished,
     looks: int | None,
