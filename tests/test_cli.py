@@ -74,7 +74,10 @@ def test_a_mistake_in_the_suite_is_one_line_and_exit_code_2(call: Callable, tiny
         (["--tier", "quick"], "error: unknown tier 'quick'. Known: smoke."),
         (["--tier", "smoke", "--out", "/proc/run"], "error: /proc/run: cannot be written ("),
         (["--tier", "smoke", "--only", "seed=4"], "error: unknown seed in --only '4'. Known: 0."),
-        (["--tier", "smoke", "--executor", "serial", "--timeout", "1"], "error: --timeout needs a process per cell"),
+        (["--tier", "smoke", "--executor", "serial", "--timeout", "1"], "error: --timeout needs --executor processes"),
+        (["--tier", "smoke", "--executor", "serial", "--memory", "1"], "error: --memory needs --executor processes"),
+        (["--tier", "smoke", "--ray-address", "auto"], "error: --ray-address needs --executor ray, this run has proc"),
+        (["--tier", "smoke", "--slurm", "time=9"], "error: --slurm needs --executor slurm, this run has processes"),
     ],
 )
 def test_other_mistakes_of_run(cli: Callable, tiny_suite: Path, arguments: list[str], message: str) -> None:

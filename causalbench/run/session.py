@@ -57,10 +57,13 @@ class Execution:
     memory: float | None = None
 
     def outcomes(self, cells: Sequence[Cell], run: RunFolder, view: View) -> Outcomes:
-        """Start the executor. Raises `UserError` for a limit that it cannot keep."""
-        for flag, limit in (("--timeout", self.timeout), ("--memory", self.memory)):
-            if limit is not None and self.executor != "processes":
-                raise UserError(f"{flag} needs a process per cell on this machine: use --executor processes")
+        """Start the executor. Raises `UserError` for what it cannot do: a limit to keep, options of another one."""
+        for flag, value, executor in (
+            ("--timeout", self.timeout, "processes"), ("--memory", self.memory, "processes"),
+            ("--ray-address", self.ray_address, "ray"), ("--slurm", self.slurm or None, "slurm"),
+        ):  # fmt: skip
+            if value is not None and self.executor != executor:
+                raise UserError(f"{flag} needs --executor {executor}, this run has {self.executor}: change one of them")
         if self.memory is not None and not sys.platform.startswith("linux"):
             raise UserError("--memory reads /proc, which this machine does not have; leave it out")
         return schedule(cells, run, self._executor(len(cells) == 1, run, view))
