@@ -101,7 +101,7 @@ class Plugins:
 
         See `causalbench.core.tasks.changes.named`. Raises `UserError` for a change that does not fit the task.
         """
-        task = _look_up("task", base_name(name), self.tasks)
+        task = _look_up("task", base_name(name) if isinstance(name, str) else name, self.tasks)
         if task.name == name:
             return task
         from causalbench.core.tasks.changes.named import changed

@@ -58,7 +58,7 @@ def test_check_prints_a_table_and_a_known_gap_does_not_fail(call: Callable) -> N
     row = next(line for line in done.stdout.splitlines() if "S4 " in line)
     assert "known gap" in row
     assert "the engine rounds its [clock] (now: spec.control_dt 0.1 s is 3.33333 timesteps of 0.03 s)" in row
-    assert "pass: 42, fail: 0, known gap: 1, not applicable: 11" in done.stdout
+    assert "pass: 42, fail: 0, warning: 0, known gap: 1, not applicable: 11" in done.stdout
     listed = next(line for line in call("causalbench", "backends").stdout.splitlines() if "zz-gappy" in line)
     assert "S4: the engine rounds its [clock]" in listed
     assert "exact_restore" in listed

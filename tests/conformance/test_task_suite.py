@@ -12,7 +12,7 @@ from conformance.broken_tasks import BROKEN, CAR, HOVER
 
 from causalbench.conformance.check import Check, Result, run_check
 from causalbench.conformance.task_bench import TaskBench
-from causalbench.conformance.task_suite import TASK_CHECKS
+from causalbench.conformance.task_suite import TASK_CHECKS, TASK_WARNINGS
 from causalbench.core.tasks.stage_task import StageTask
 from causalbench.plugins.manager import installed
 from causalbench.plugins.venues import venue_of
@@ -82,7 +82,7 @@ def test_the_command_checks_a_task_and_prints_json(cli: Callable) -> None:
     done = cli("check", "--task", "pure_manipulation", "--json")
     content = json.loads(done.stdout)
     assert (done.returncode, content["task"], content["backend"]) == (0, "pure_manipulation", "kinematic")
-    assert [row["number"] for row in content["checks"]] == NUMBERS
+    assert [row["number"] for row in content["checks"]] == NUMBERS + [check.number for check in TASK_WARNINGS]
 
 
 @pytest.mark.parametrize(

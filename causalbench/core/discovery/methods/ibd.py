@@ -48,11 +48,11 @@ def discover_stage(problem: StageProblem) -> StageGraph:
         for j, rewards in enumerate(both.rewards.T):
             distance[k, j], p_value[k, j] = two_samples(rewards, without, both.sequence, exchanges, rng)
         problem.report((k + 1) / len(distance), "two-sample tests")
-    q_value = np.ones_like(p_value)
+    p_adjusted = np.ones_like(p_value)
     if testable.any():
-        q_value[:, testable] = false_discovery_control(p_value[:, testable], axis=None).reshape(len(p_value), -1)
-    evidence = {"ks": distance, "q_value": q_value}
-    return StageGraph.decided(problem.task, problem.stage, q_value <= fdr, testable, evidence)
+        p_adjusted[:, testable] = false_discovery_control(p_value[:, testable], axis=None).reshape(len(p_value), -1)
+    evidence = {"ks": distance, "p_adjusted": p_adjusted}
+    return StageGraph.decided(problem.task, problem.stage, p_adjusted <= fdr, testable, evidence)
 
 
 def two_samples(
@@ -95,7 +95,7 @@ DISCOVERER = Discoverer(
     evidence=(
         EvidenceColumn("ks", "", "largest distance of the reward's distribution functions with and without the action",
                        main=True),
-        EvidenceColumn("q_value", "", "its p-value, adjusted for all edges of the stage (Benjamini-Hochberg)"),
+        EvidenceColumn("p_adjusted", "", "its p-value, adjusted for all edges of the stage (Benjamini-Hochberg)"),
     ),
     reads=frozenset({"random", "do"}),
 )  # fmt: skip
