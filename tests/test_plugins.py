@@ -195,9 +195,7 @@ def test_unknown_names_get_the_nearest_one_and_what_exists() -> None:
         UnknownNameError, match=r"unknown method 'cmmmSAC'. Did you mean 'cmmSAC'\? Known: PPO, SAC, cSAC, "
     ):
         plugins.method("cmmmSAC")
-    with pytest.raises(
-        UnknownNameError, match=r"unknown task 'flying'\. Known: .*mobile_manipulation, "
-    ):
+    with pytest.raises(UnknownNameError, match=r"unknown task 'flying'\. Known: .*mobile_manipulation, "):
         plugins.task("flying")
 
 
