@@ -9,11 +9,9 @@ import gymnasium as gym
 import gymnasium_robotics
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from causalbench.task import Seen
-
-STATE = mujoco.mjtState.mjSTATE_INTEGRATION  # with mocap bodies and the solver's warm start
+from causalbench_mujoco.states import set_state, state_of
 
 
 class Fresh(gym.Wrapper[Any, Any, Any, Any]):
@@ -47,28 +45,15 @@ def fresh(env_id: str, wanted: Callable[[Any], bool]) -> Fresh:
     return Fresh(gym.make(env_id, render_mode="rgb_array", max_episode_steps=-1, disable_env_checker=True), wanted)
 
 
-def state_of(inner: Any) -> NDArray[np.float64]:
-    """MuJoCo's state of an environment that has a model and data."""
-    state = np.empty(mujoco.mj_stateSize(inner.model, STATE))
-    mujoco.mj_getState(inner.model, inner.data, state, STATE)
-    return state
-
-
-def set_state(inner: Any, state: NDArray[np.float64]) -> None:
-    """The way back, to the bit, and what derives from it."""
-    mujoco.mj_setState(inner.model, inner.data, state, STATE)
-    mujoco.mj_forward(inner.model, inner.data)
-    mujoco.mj_setState(inner.model, inner.data, state, STATE)  # computing that has warmed the solver otherwise
-
-
 def snapshot(env: Any) -> bytes:
     """The goal and MuJoCo's state."""
-    return np.concatenate([env.unwrapped.goal, state_of(env.unwrapped)]).tobytes()
+    inner = env.unwrapped
+    return np.concatenate([inner.goal, state_of(inner.model, inner.data)]).tobytes()
 
 
 def restore(env: Any, content: bytes) -> Seen:
     """The way back, to the bit."""
     inner, numbers = env.unwrapped, np.frombuffer(content).copy()
     inner.goal, state = numbers[: len(inner.goal)].copy(), numbers[len(inner.goal) :]
-    set_state(inner, state)
+    set_state(inner.model, inner.data, state)
     return Seen(inner._get_obs(), {})

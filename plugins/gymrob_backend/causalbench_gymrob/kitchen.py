@@ -12,7 +12,7 @@ from gymnasium_robotics.envs.franka_kitchen.kitchen_env import OBS_ELEMENT_GOALS
 from numpy.typing import NDArray
 
 from causalbench.task import Seen
-from causalbench_gymrob import fresh
+from causalbench_mujoco.states import set_state, state_of
 
 Array = NDArray[np.float64]
 
@@ -90,12 +90,12 @@ def _reach(model: Any, data: Any, goal: Array) -> None:
 
 def snapshot(env: Any) -> bytes:
     """MuJoCo's state; all else of this environment is constant or follows from it."""
-    return fresh.state_of(env.unwrapped).tobytes()
+    return state_of(env.unwrapped.model, env.unwrapped.data).tobytes()
 
 
 def restore(env: Any, content: bytes) -> Seen:
     """The way back, to the bit."""
     inner = env.unwrapped
-    fresh.set_state(inner, np.frombuffer(content).copy())
+    set_state(inner.model, inner.data, np.frombuffer(content).copy())
     inner.robot_env._last_robot_qpos = inner.data.qpos[:9].copy()
     return Seen(env.look(), {})

@@ -13,9 +13,9 @@ from causalbench_mujoco.bases import Base
 from causalbench_mujoco.boxes import Boxes
 from causalbench_mujoco.contacts import Indices
 from causalbench_mujoco.engine import mujoco
+from causalbench_mujoco.states import STATE
 
 Array = NDArray[np.float64]
-STATE = mujoco.mjtState.mjSTATE_INTEGRATION  # with servo targets and the solver's warm start
 
 
 class World:

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from causalbench.task import Seen
+from causalbench_mujoco.states import STATE, set_state, state_of
 from causalbench_robosuite.model import quiet
 
 Array = NDArray[np.float64]
 Look = Callable[[Any], Array]
-STATE = mujoco.mjtState.mjSTATE_INTEGRATION  # with the solver's warm start
 
 
 class Native(gym.Env[Array, Array]):
@@ -81,8 +81,7 @@ def _memory(inner: Any) -> list[Array]:
 def snapshot(env: Any) -> bytes:
     """All of its state."""
     sim = env.unwrapped.inner.sim
-    state = np.empty(mujoco.mj_stateSize(sim.model._model, STATE))
-    mujoco.mj_getState(sim.model._model, sim.data._data, state, STATE)
+    state = state_of(sim.model._model, sim.data._data)
     return np.concatenate([state, *(array.ravel() for array in _memory(env.unwrapped.inner))]).tobytes()
 
 
@@ -93,8 +92,6 @@ def restore(env: Any, content: bytes) -> Seen:
     state, rest = np.split(numbers, [mujoco.mj_stateSize(model, STATE)])
     for array in _memory(inner):
         array[...], rest = rest[: array.size].reshape(array.shape), rest[array.size :]
-    mujoco.mj_setState(model, data, state, STATE)
-    mujoco.mj_forward(model, data)
-    mujoco.mj_setState(model, data, state, STATE)  # computing that has warmed the solver otherwise
+    set_state(model, data, state)
     _look_anew(inner)
     return Seen(env.unwrapped.look(), {})

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from causalbench.core.discovery.graph import EvidenceColumn, StageGraph
-from causalbench.core.discovery.methods.independence import EXTRA, JITTER, independent_columns
+from causalbench.core.discovery.methods.independence import EXTRA, independent_columns, noisy_rewards
 from causalbench.core.discovery.registry import RANDOM, Discoverer, StageProblem
 
 Array = NDArray[np.float64]
@@ -24,9 +24,8 @@ STREAM = 108  # beside the numbers of the sets of samples and of the other disco
 def discover_stage(problem: StageProblem) -> StageGraph:
     """Weigh every edge of one stage on D_random."""
     samples, n_actions = problem.samples().random, len(problem.task.actions)
-    scale, testable = samples.term_scale()
-    rng = np.random.default_rng([problem.seed, problem.stage, STREAM])
-    rewards = samples.rewards / scale + JITTER * rng.normal(size=samples.rewards.shape)
+    testable = samples.term_scale()[1]
+    rewards = noisy_rewards(samples, np.random.default_rng([problem.seed, problem.stage, STREAM]))
     states = independent_columns(samples.states.astype(np.float64))
     inputs = np.column_stack([samples.actions[:, :n_actions].astype(np.float64), states])
     weight = np.zeros((n_actions, len(problem.terms)))

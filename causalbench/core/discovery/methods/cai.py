@@ -16,7 +16,7 @@ import numpy as np
 from annotated_types import Gt
 
 from causalbench.core.discovery.graph import EvidenceColumn, StageGraph
-from causalbench.core.discovery.methods.cmi import CMISettings
+from causalbench.core.discovery.methods.cmi import CMISettings, gated
 from causalbench.core.discovery.registry import OBSERVED, Discoverer, StageProblem
 from causalbench.core.discovery.reward_model.settings import PAPER, PAPER_LARGE
 
@@ -49,10 +49,9 @@ def discover_stage(problem: StageProblem) -> StageGraph:
     influence = np.stack(
         [influence_of(k, models, data.inference, own, rng) for k in range(data.random.actions.shape[1])]
     )  # (n_probed, n_terms, n): actions, then placebos
-    cai, placebo = np.split(influence.mean(2), [n_actions])
-    least = np.fmax(own.threshold, own.placebo_gate * placebo.max(0, initial=0.0))
+    cai, present = gated(influence.mean(2), n_actions, own)
     evidence = {"cai": cai, "cai_high": np.quantile(influence[:n_actions], HIGH, axis=2)}
-    return StageGraph.decided(problem.task, problem.stage, cai > least, data.random.term_scale()[1], evidence)
+    return StageGraph.decided(problem.task, problem.stage, present, data.random.term_scale()[1], evidence)
 
 
 def influence_of(

@@ -49,9 +49,17 @@ def discover_stage(problem: StageProblem) -> StageGraph:
         lambda share: problem.report(share, "fitting reward models"),
     )
     information = _information(models, random, data.inference, own.sigma_floor)
-    cmi, placebo = np.split(information, [len(problem.task.actions)])
+    cmi, present = gated(information, len(problem.task.actions), own)
+    return StageGraph.decided(problem.task, problem.stage, present, random.term_scale()[1], {"cmi": cmi})
+
+
+def gated(
+    information: NDArray[np.float64], n_actions: int, own: CMISettings
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """That of the actions (n_actions, n_terms), and which of it is enough for a cause; after them come placebos."""
+    actions, placebo = np.split(information, [n_actions])
     least = np.fmax(own.threshold, own.placebo_gate * placebo.max(0, initial=0.0))
-    return StageGraph.decided(problem.task, problem.stage, cmi > least, random.term_scale()[1], {"cmi": cmi})
+    return actions, actions > least
 
 
 def _information(models: RewardModels, random: Samples, inference: Samples, sigma_floor: float) -> NDArray[np.float64]:

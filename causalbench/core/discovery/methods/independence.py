@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from causalbench.core.discovery.graph import EvidenceColumn, StageGraph
 from causalbench.core.discovery.registry import RANDOM, Discoverer, StageProblem
+from causalbench.core.discovery.samples.transitions import Samples
 
 JITTER = 0.1  # deviations of the term
 STREAM = 102  # beside the numbers of the sets of samples and of the other discoverers
@@ -54,9 +55,8 @@ def _discover_stage(problem: StageProblem, test: str, count: int) -> StageGraph:
     task, stage = problem.task, problem.stage
     terms, n_actions = problem.terms, len(task.actions)
     samples = problem.samples().random.first(count)
-    scale, testable = samples.term_scale()
-    rng = np.random.default_rng([problem.seed, stage, STREAM])
-    rewards = samples.rewards / scale + JITTER * rng.normal(size=samples.rewards.shape)
+    testable = samples.term_scale()[1]
+    rewards = noisy_rewards(samples, np.random.default_rng([problem.seed, stage, STREAM]))
     p_value = np.ones((n_actions, len(terms)))
     actions = samples.actions[:, :n_actions]
     states = independent_columns(samples.states.astype(np.float64))
@@ -71,6 +71,11 @@ def _discover_stage(problem: StageProblem, test: str, count: int) -> StageGraph:
             problem.report((column * n_actions + k + 1) / (n_actions * testable.sum()), f"{test}: {terms[j]}")
     present = p_value < problem.options.level / p_value.size
     return StageGraph.decided(task, stage, present, testable, {"p_value": p_value})
+
+
+def noisy_rewards(samples: Samples, rng: np.random.Generator) -> NDArray[np.float64]:
+    """Rewards (n, n_terms) in deviations of the term, with noise of `JITTER` of them."""
+    return np.asarray(samples.rewards / samples.term_scale()[0] + JITTER * rng.normal(size=samples.rewards.shape))
 
 
 def independent_columns(table: NDArray[np.float64]) -> NDArray[np.float64]:

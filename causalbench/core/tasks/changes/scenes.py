@@ -41,29 +41,17 @@ def near_limit(task: Task, further: float) -> Task:
 
 def base_yaw(task: Task, turn: float) -> Task:
     """Robot and table are turned by `turn` radians, so that the arm's axes are not those of the rewards."""
-    return dataclasses.replace(
-        task, draw_layout=partial(_draw, draw=task.draw_layout, change=partial(_turned, turn=turn))
-    )
+    return _in_layout(task, partial(_turned, turn=turn))
 
 
 def box_size(task: Task, factor: float) -> Task:
     """The target is `factor` times as large."""
-    return dataclasses.replace(
-        task,
-        draw_layout=partial(
-            _draw, draw=task.draw_layout, change=partial(_resized, factor=_positive("box_size", factor))
-        ),
-    )
+    return _in_layout(task, partial(_resized, factor=_positive("box_size", factor)))
 
 
 def box_mass(task: Task, factor: float) -> Task:
     """The target weighs `factor` times as much."""
-    return dataclasses.replace(
-        task,
-        draw_layout=partial(
-            _draw, draw=task.draw_layout, change=partial(_weighed, factor=_positive("box_mass", factor))
-        ),
-    )
+    return _in_layout(task, partial(_weighed, factor=_positive("box_mass", factor)))
 
 
 def sensor_noise(task: Task, size: float) -> Task:
@@ -113,6 +101,10 @@ def _positive(name: str, factor: float) -> float:
     if factor <= 0.0:
         raise UserError(f"{name}={factor:g}: expected a factor above 0")
     return factor
+
+
+def _in_layout(task: Task, change: Callable[[Layout, float], Layout]) -> Task:
+    return dataclasses.replace(task, draw_layout=partial(_draw, draw=task.draw_layout, change=change))
 
 
 def _in_workspace(task: Task, change: Callable[[Workspace], Workspace]) -> Task:
