@@ -97,7 +97,8 @@ class LearnerCell:
     @cached_property
     def identity(self) -> dict[str, Any]:
         """All that the id is made of, as JSON data; a discovery cell enters as its id."""
-        return _identity("learner", self, discovery=self.discovery.id if self.discovery else None)
+        own = {"method": self.method.identity, "discovery": self.discovery.id if self.discovery else None}
+        return _identity("learner", self, **own)
 
     @cached_property
     def id(self) -> str:

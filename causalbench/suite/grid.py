@@ -14,6 +14,8 @@ Grid = dict[str, Annotated[tuple[Any, ...], Field(min_length=1)]]
 Combination = Mapping[str, Any]
 """Dotted key -> one of its values."""
 
+DISCOVERER = "discovery.discoverer"
+"""The key that names who discovers; a method that names its own is the same at all of its values."""
 TASK = "task"
 """The key of a grid whose values are tasks, in place of the suite's."""
 DONOR, DONOR_TASK = "discovery.backend", "discovery.task"

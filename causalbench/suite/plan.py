@@ -21,7 +21,7 @@ from causalbench.plugins.backends import Backend
 from causalbench.plugins.manager import Plugins
 from causalbench.plugins.venues import Venue, venue_of
 from causalbench.suite.cells import BackendIdentity, Cell, DiscoveryCell, LearnerCell, TaskIdentity
-from causalbench.suite.grid import DONOR, DONOR_TASK, NAMES, OWN, TASK, Combination, combinations, layer_of
+from causalbench.suite.grid import DISCOVERER, DONOR, DONOR_TASK, NAMES, OWN, TASK, Combination, combinations, layer_of
 from causalbench.suite.hypotheses import Hypothesis, Statement
 from causalbench.suite.positions import Location
 from causalbench.suite.schema import DiscoveryLayer, PerBackend, PerMethod, SuiteFile, TierBackend
@@ -197,19 +197,25 @@ class _Planner:
             for method in methods:
                 first = self._learner(backend, method, seeds[0], combination)
                 for seed in seeds:  # of which all but the seed and the graph is the same
-                    own = first.discovery and self._discovery(backend, seed, combination)
+                    own = first.discovery and self._discovery(backend, seed, combination, method)
                     cell = replace(first, seed=seed, discovery=own)
                     if cell.discovery:
                         yield cell.discovery
                     yield cell
 
-    def _discovery(self, user: str, seed: int, combination: Combination) -> DiscoveryCell:
-        """The discovery whose graph `seed` uses on the backend `user`."""
+    def _discovery(self, user: str, seed: int, combination: Combination, method: Method | None = None) -> DiscoveryCell:
+        """The discovery whose graph `seed` uses on the backend `user`, by the discoverer that `method` may name."""
+        named = method.discoverer if method else ""
+        if named:
+            combination = {key: value for key, value in combination.items() if key != DISCOVERER}
         name, played = combination.get(DONOR, user), self._task_in(combination, donor=True)
         backend, section = self.backend(name, played, combination), self.file.sections.discovery
         layers: list[DiscoveryLayer] = [self.suite, self._of_backend(name), self.tier, self._in_tier(name)]
         patches = [*(layer.discovery for layer in layers), layer_of(combination)["discovery"]]
         location = self._discoverer_location(name, combination)
+        if method and named:
+            patches.append({"discoverer": named})
+            location = ("methods", self.suite.methods.index(method.name))
         settings = self._named(location, partial(section.resolve, patches))
         self._named(location, partial(self.plugins.discoverer, settings.discoverer))
         grid_point = _reaching(combination, "discovery", partial(section.reaches, subject=settings.discoverer))
@@ -224,7 +230,7 @@ class _Planner:
         sections, patches = self.file.sections, self._learner_patches(backend, method.name, combination)
         played = self._task_in(combination)
         asks = method.matrix in ("discovered", "oracle")
-        asked = self._discovery(backend, seed, combination) if asks else None
+        asked = self._discovery(backend, seed, combination, method) if asks else None
         discovery = asked if method.matrix == "discovered" else None
         grid_point = _reaching(combination, "learner", partial(sections.learner.reaches, subject=method.learner))
         grid_point |= _reaching(combination, "evaluation", lambda key: True)
@@ -261,8 +267,8 @@ class _Planner:
 
     def _discoverer_location(self, backend: str, combination: Combination) -> Location:
         """Where the discoverer of a backend is named."""
-        if "discovery.discoverer" in combination:
-            return ("grid", "discovery.discoverer")
+        if DISCOVERER in combination:
+            return ("grid", DISCOVERER)
         layers: list[tuple[Location, DiscoveryLayer]] = [
             (("tiers", self.tier_name, "backends", backend), self._in_tier(backend)),
             (("tiers", self.tier_name), self.tier),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -14,7 +14,7 @@ from causalbench.core.discovery.settings import DiscoverySettings
 from causalbench.errors import UnknownNameError
 from causalbench.formats import SuiteFormat
 from causalbench.plugins.manager import Plugins
-from causalbench.suite.grid import NAMES, TASK, Grid, layer_of
+from causalbench.suite.grid import DISCOVERER, NAMES, TASK, Grid, layer_of
 from causalbench.suite.hypotheses import Hypothesis
 from causalbench.suite.messages import as_json, explain, guess, worst
 from causalbench.suite.positions import Location, PositionedYaml, Source
@@ -141,6 +141,7 @@ def check_suite(source: Source, plugins: Plugins) -> SuiteFile:
     learners = _learners(suite, source, plugins)
     file = SuiteFile(suite, source, Sections.of(plugins, dict.fromkeys(learners.values())))
     _check_sections(file, learners)
+    _check_discoverers(file, {plugins.methods[name].discoverer for name in learners})
     _check_budgets(file)
     return file
 
@@ -200,15 +201,14 @@ def _check_sections(file: SuiteFile, learners: Mapping[str, str]) -> None:
                 raise file.source.mistake((*location, section, *found[0]), found[1])
     for place, grid in _grids(file.suite):
         _check_grid(file, place, grid, learners)
-    _check_discoverers(file)
 
 
-def _check_discoverers(file: SuiteFile) -> None:
-    """Refuse settings of a discoverer that nothing in the suite chooses."""
+def _check_discoverers(file: SuiteFile, of_methods: Set[str]) -> None:
+    """Refuse settings of a discoverer that nothing in the suite chooses, nor any of its methods by themselves."""
     layers = [(place, layer.discovery) for place, layer, _ in _layers(file.suite) if isinstance(layer, DiscoveryLayer)]
     grids = list(_grids(file.suite))
-    chosen = {patch["discoverer"] for _, patch in layers if "discoverer" in patch}
-    chosen |= {name for _, grid in grids for name in grid.get("discovery.discoverer", ())}
+    chosen = {patch["discoverer"] for _, patch in layers if "discoverer" in patch} | of_methods - {""}
+    chosen |= {name for _, grid in grids for name in grid.get(DISCOVERER, ())}
     if "discoverer" not in file.suite.discovery:
         chosen.add(DiscoverySettings().discoverer)
     named = [((*place, "discovery", name), name) for place, patch in layers for name in patch]

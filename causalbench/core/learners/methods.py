@@ -6,8 +6,8 @@ causes) or c (cooperating stages), the learner, and after a hyphen the one thing
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
 
 Control = Literal["none", "shuffled", "redrawn", "plus1", "plus2", "other"]
 
@@ -20,7 +20,9 @@ class Method:
     `action_space`: "causal" builds each stage's policy from its causal actions only (paper, eq. CausalActions);
     `gradient`: "factored" lets action k learn only from the terms it causes (paper, Causal Policy Gradient);
     `matrix`: where the causal matrix comes from; `cooperation`: whether the actor also climbs the next
-    stage's critic (Erskine and Lehnert 2022); `control`: how the matrix is spoilt before it is used (`controls`).
+    stage's critic (Erskine and Lehnert 2022); `control`: how the matrix is spoilt before it is used (`controls`);
+    `discoverer`: the name of the one that finds a discovered matrix, whichever a suite has for other methods; "" for
+    the suite's. Raises `ValueError` for a discoverer where no matrix is discovered.
     """
 
     name: str
@@ -30,6 +32,19 @@ class Method:
     matrix: Literal["discovered", "manual", "oracle", "none"]
     cooperation: bool = False
     control: Control = "none"
+    discoverer: str = ""
+
+    def __post_init__(self) -> None:
+        if self.discoverer and self.matrix != "discovered":
+            raise ValueError(
+                f"method {self.name!r}: discoverer {self.discoverer!r} would be ignored, since its matrix is "
+                f"{self.matrix!r} and not 'discovered'; leave it out"
+            )
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """What of it enters a cell's id: all fields, a discoverer only where there is one."""
+        return {key: value for key, value in asdict(self).items() if key != "discoverer" or value}
 
 
 PAPER = (
@@ -63,7 +78,8 @@ def _ablations(learner: str) -> tuple[Method, ...]:
         Method(f"{cm}-plus1", learner, "causal", "factored", "discovered", control="plus1"),
         Method(f"{cm}-plus2", learner, "causal", "factored", "discovered", control="plus2"),
         Method(f"{cm}-other", learner, "causal", "factored", "discovered", control="other"),
-        # What a perfect discovery would give.
+        # What the paper's own discovery gives, and what a perfect one would.
+        Method(f"{cm}-kl", learner, "causal", "factored", "discovered", discoverer="kl"),
         Method(f"{cm}-oracle", learner, "causal", "factored", "oracle"),
     )
 

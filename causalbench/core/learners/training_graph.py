@@ -50,7 +50,17 @@ def _found(
     if graph is None:
         raise InvalidGraphError(f"method {method.name!r} needs a discovered causal graph of {task.name}, got none")
     graph.check(task)
+    _check_discoverer(method, graph)
     if method.control == "none":
         return graph
     with closing(make_worlds(1)) as worlds:
         return control_graph(method.control, graph, worlds, seed)
+
+
+def _check_discoverer(method: Method, graph: CausalGraph) -> None:
+    found_by = graph.provenance.get("settings", {}).get("discoverer")
+    if method.discoverer and found_by != method.discoverer:
+        raise InvalidGraphError(
+            f"method {method.name!r} needs a graph by the discoverer {method.discoverer!r}, and causal graph "
+            f"{graph.hash} is by {found_by or graph.origin!r}; discover again with it"
+        )
