@@ -38,6 +38,7 @@ COLUMNS: dict[str, Column] = {
     "task": _text("The task's name."),
     "backend": _text('The backend\'s name; in the leaderboard and in verdicts "all" stands for all backends together.'),
     "method": _text("The method's name: a row of the method table."),
+    "discoverer": _text("The name of the discoverer that decided the edge."),
     "grid_point": _text("What the suite's `grid` set in this cell, such as `learner.gamma=0.9`; empty without a grid."),
     "seed": _count("", "The seed of training and evaluation, or of a discovery."),
     "cell": _text("The cell's id, which is its folder's name."),
@@ -239,7 +240,9 @@ COLUMNS: dict[str, Column] = {
 }
 
 KEYS = ("task", "backend", "method", "grid_point", "seed")
-EDGE_KEYS = ("task", "backend", "grid_point", "seed", "stage", "term", "action", "outcome", "selected", "in_policy")
+EDGE_KEYS = (
+    "task", "backend", "discoverer", "grid_point", "seed", "stage", "term", "action", "outcome", "selected", "in_policy",
+)  # fmt: skip
 EFFECT = ("effect", "effect_low", "effect_high")
 REVERSALS = (
     "episode", "deterministic", "stage", "steps_in_stage", "reversals", "reversals_repeated",

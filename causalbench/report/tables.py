@@ -168,7 +168,7 @@ def _discovery_table(cells: Sequence[StoredCell]) -> Table:
     for cell in cells:
         graph, effects = cell.graph(), cell.effects()
         evidence |= dict.fromkeys(evidence_columns(graph))
-        keys = {key: getattr(cell, key) for key in KEYS if key != "method"}
+        keys = {key: getattr(cell, key) for key in ("task", "backend", "discoverer", "grid_point", "seed")}
         for row in edge_rows(graph):
             effect = effects.get((row["stage"], row["term"], row["action"]), {})
             rows.append(keys | row | effect)

@@ -138,6 +138,11 @@ class StoredCell:
         return str(self.identity.get("method", {}).get("name", ""))
 
     @property
+    def discoverer(self) -> str:
+        """Who discovers; "" for a training run."""
+        return str(self.identity.get("settings", {}).get("discoverer", ""))
+
+    @property
     def seed(self) -> int:
         """Its seed."""
         return int(self.identity["seed"])

@@ -38,7 +38,7 @@ def check_comparable(cells: Iterable[tuple[str, Mapping[str, Any]]]) -> None:
     """Raise `RunFolderError` unless the cells, (where it comes from, identity), may stand in one table.
 
     Task and version must be the same throughout, but for tasks that a grid names, and backend, budget and settings for
-    each backend, method and point of a grid.
+    each backend, method, discoverer and point of a grid.
     """
     seen: dict[tuple[str, ...], tuple[str, Any]] = {}
     for where, identity in cells:
@@ -60,7 +60,8 @@ def _scopes(identity: Mapping[str, Any]) -> dict[tuple[str, ...], Any]:
         ("backend", backend): identity["backend"],
     }
     if kind == "discovery":
-        return scopes | {("discovery on", backend, *grid_point): identity["settings"]}
+        by = ("discovery on", backend, "by", identity["settings"]["discoverer"])
+        return scopes | {(*by, *grid_point): identity["settings"]}
     method = identity["method"]["name"]
     return scopes | {
         ("the budget on", backend): {"env_steps": identity["env_steps"]},

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import combinations
-from typing import Any
+from typing import Any, NamedTuple
 
 import pandas as pd
 
-from causalbench.core.discovery.graph import CausalGraph, StageGraph
+from causalbench.core.discovery.graph import StageGraph
 from causalbench.report.drawing import style
 from causalbench.report.edge_scores import edge_scores
 from causalbench.report.figures import draw_evidence, draw_graphs
@@ -47,8 +47,20 @@ STATES = {
     (False, False): ("neither", "", "neither discovered nor declared"),
 }
 """(discovered, declared) -> state, symbol and words."""
-Group = tuple[str, str]
-"""A backend and a point of a grid."""
+GROUP = ["backend", "discoverer", "grid_point"]
+
+
+class Group(NamedTuple):
+    """Discoveries that differ in their seed alone."""
+
+    backend: str
+    discoverer: str
+    grid_point: str
+
+    @property
+    def label(self) -> str:
+        """Who discovered, and where."""
+        return at_point(f"{self.backend}, {self.discoverer}", self.grid_point)
 
 
 def section(source: Source) -> Section:
@@ -68,18 +80,18 @@ def section(source: Source) -> Section:
 def _groups(cells: Iterable[StoredCell]) -> dict[Group, list[StoredCell]]:
     found: dict[Group, list[StoredCell]] = {}
     for cell in cells:
-        found.setdefault((cell.backend, cell.grid_point), []).append(cell)
+        found.setdefault(Group(cell.backend, cell.discoverer, cell.grid_point), []).append(cell)
     return found
 
 
 def majority(source: Source) -> pd.DataFrame:
-    """One row per backend, point of a grid and edge: `selected` of `seeds` discoveries, and what the `human` says.
+    """One row per backend, discoverer, point of a grid and edge: `selected` of `seeds` discoveries, and what the `human` says.
 
     Numbers are medians over seeds; `grade` is the oracle's, or several with slashes where seeds differ.
     """
     table = source.tables.discovery.astype({"stage": int})
     human = pd.concat([_declared(cells[0]) for cells in _groups(source.discoveries).values()])
-    by = ["backend", "grid_point", *EDGE]
+    by = [*GROUP, *EDGE]
     groups = table.groupby(by, sort=False)
     found = groups["selected"].agg(["sum", "size"]).rename(columns={"sum": "selected", "size": "seeds"})
     found["undecided"] = groups["outcome"].agg(lambda outcomes: int((outcomes == "undecided").sum()))
@@ -94,12 +106,12 @@ def majority(source: Source) -> pd.DataFrame:
 
 def _declared(cell: StoredCell) -> pd.DataFrame:
     rows = [
-        (cell.backend, cell.grid_point, stage.stage, term, action, bool(stage.matrix[k, j]))
+        (cell.backend, cell.discoverer, cell.grid_point, stage.stage, term, action, bool(stage.matrix[k, j]))
         for stage in cell.human_graph().stages
         for j, term in enumerate(stage.terms)
         for k, action in enumerate(stage.actions)
     ]
-    return pd.DataFrame(rows, columns=["backend", "grid_point", *EDGE, "human"])
+    return pd.DataFrame(rows, columns=[*GROUP, *EDGE, "human"])
 
 
 def is_found(row: Any) -> bool:
@@ -116,7 +128,7 @@ def _matrix(edges: pd.DataFrame, group: Group, cells: Sequence[StoredCell]) -> M
         for action in graph.stages[0].actions
     ]
     stages = [(stage.stage, len(stage.terms)) for stage in graph.stages]
-    return Matrix(at_point(*group), stages, [term for _, term in columns], lines, group[0], _how(cells))
+    return Matrix(group.label, stages, [term for _, term in columns], lines, group.backend, _how(cells))
 
 
 def _how(cells: Sequence[StoredCell]) -> str:
@@ -125,16 +137,15 @@ def _how(cells: Sequence[StoredCell]) -> str:
     price = listed(number(graph.env_steps, 0).text for graph in graphs)
     seeds = listed(str(cell.seed) for cell in cells)
     many = count(len(cells), "discovery", "discoveries")
-    return f"{many} by {_discoverer(graphs[0])}, seed {seeds}; price in environment steps: {price}."
+    return f"{many}, seed {seeds}; price in environment steps: {price}."
 
 
-def _discoverer(graph: CausalGraph) -> str:
-    settings = graph.provenance.get("settings", {})
-    return str(settings.get("discoverer", "an unnamed discoverer")) if isinstance(settings, dict) else ""
+def _group(row: Mapping[str, Any]) -> Group:
+    return Group(*(row[name] for name in GROUP))
 
 
 def _of(edges: pd.DataFrame, group: Group) -> pd.DataFrame:
-    return edges[(edges["backend"] == group[0]) & (edges["grid_point"] == group[1])]
+    return edges[(edges[GROUP] == list(group)).all(axis=1)]
 
 
 def _square(row: dict[str, Any], stage: StageGraph) -> Square:
@@ -159,7 +170,7 @@ def _differences(edges: pd.DataFrame, group: Group, cells: Sequence[StoredCell])
     missing = [_edge(row) for row in differing if not is_found(row)]
     said = [f"discovered and not declared: {listed(added)}"] if added else []
     said += [f"declared and not discovered: {listed(missing)}"] if missing else []
-    where = at_point(*group)
+    where = group.label
     exact = sum(_same(cell) for cell in cells)
     each = f" Of {count(len(cells), 'discovery', 'discoveries')}, {exact} equal it edge by edge."
     notes = [
@@ -207,7 +218,7 @@ def _agreement(edges: pd.DataFrame, groups: Sequence[Group]) -> list[Table]:
             if found[one][stage, term, action] != found[other][stage, term, action]
         ]
         share = Value(f"{same} of {len(shared)}", same / len(shared) if shared else 0.0)
-        rows.append(Row([text(at_point(*one)), text(at_point(*other)), share, text(listed(differing) or "none")]))
+        rows.append(Row([text(one.label), text(other.label), share, text(listed(differing) or "none")]))
     columns = [Column("one"), Column("other"), Column("edges that agree", "", True), Column("edges that differ")]
     return [Table("Agreement between discoveries, majority of each", columns, rows)]
 
@@ -217,12 +228,12 @@ def _scores(source: Source) -> list[Table]:
     if not table["oracle_grade"].notna().any():
         return []
     plain = table.astype({"oracle_grade": object, "selected": int})
-    whole = edge_scores(plain, ["backend", "grid_point"]).reset_index().assign(stage="all")
-    stages = edge_scores(plain, ["backend", "grid_point", "stage"]).reset_index()
+    whole = edge_scores(plain, GROUP).reset_index().assign(stage="all")
+    stages = edge_scores(plain, [*GROUP, "stage"]).reset_index()
     rows = [
         Row(
             [
-                text(at_point(row["backend"], row["grid_point"])), Value(str(row["stage"]), str(row["stage"])),
+                text(_group(row).label), Value(str(row["stage"]), str(row["stage"])),
                 number(row["seeds"], 0), number(row["precision"]), number(row["recall"]), number(row["f1"]),
                 number(row["missed"], 0), number(row["false"], 0),
             ],
@@ -239,7 +250,7 @@ def _scores(source: Source) -> list[Table]:
 
 
 def _edges(edges: pd.DataFrame, groups: dict[Group, list[StoredCell]], source: Source) -> Fold:
-    found = source.tables.discovery.astype({"stage": int}).groupby(["backend", "grid_point", *EDGE])
+    found = source.tables.discovery.astype({"stage": int}).groupby([*GROUP, *EDGE])
     mains = {group: cells[0].graph().main_column for group, cells in groups.items()}
     columns = [
         Column("backend"), column("stage"), column("term", numeric=False), column("action", numeric=False),
@@ -249,12 +260,12 @@ def _edges(edges: pd.DataFrame, groups: dict[Group, list[StoredCell]], source: S
     ]  # fmt: skip
     rows = []
     for row in records(edges):
-        group = row["backend"], row["grid_point"]
+        group = _group(row)
         key, main = (*group, *(row[name] for name in EDGE)), mains[group]
         rows.append(
             Row(
                 [
-                    text(at_point(*group)), number(row["stage"], 0), text(row["term"]), text(row["action"]),
+                    text(group.label), number(row["stage"], 0), text(row["term"]), text(row["action"]),
                     Value(f"{row['selected']} of {row['seeds']}", row["selected"] / row["seeds"]),
                     text("yes" if row["human"] else "no"), text(row["grade"]), _effect(row),
                     _evidence(found.get_group(key)[main.name], main.name) if main else NOTHING,
@@ -289,7 +300,7 @@ def _evidence(found: pd.Series, name: str) -> Value:
 def _pictures(group: Group, cell: StoredCell, index: int) -> Fold:
     """The paper's pictures of one discovery."""
     graph, human = cell.graph(), cell.human_graph()
-    where = f"{at_point(*group)}, seed {cell.seed}"
+    where = f"{group.label}, seed {cell.seed}"
     edges = listed(
         f"{a} → {t}"
         for s in graph.stages
@@ -304,8 +315,10 @@ def _pictures(group: Group, cell: StoredCell, index: int) -> Fold:
                 0, (draw_evidence(graph, main), f"{main.name} of every action and term, {where}; selected: {edges}.")
             )
         found = [
-            Picture(embedded(figure, f"graph-{index}-{i}", alt, transparent=False), alt, "", group[0], "", paper=True)
+            Picture(
+                embedded(figure, f"graph-{index}-{i}", alt, transparent=False), alt, "", group.backend, "", paper=True
+            )
             for i, (figure, alt) in enumerate(drawn)
         ]
     sentence = f"{main.name}: {main.sentence}." if main else ""
-    return Fold(f"Pictures of one discovery: {where}", [Pictures("", found, sentence, backend=group[0])])
+    return Fold(f"Pictures of one discovery: {where}", [Pictures("", found, sentence, backend=group.backend)])
