@@ -241,7 +241,8 @@ COLUMNS: dict[str, Column] = {
 
 KEYS = ("task", "backend", "method", "grid_point", "seed")
 EDGE_KEYS = (
-    "task", "backend", "discoverer", "grid_point", "seed", "stage", "term", "action", "outcome", "selected", "in_policy",
+    "task", "backend", "discoverer", "grid_point", "seed",
+    "stage", "term", "action", "outcome", "selected", "in_policy",
 )  # fmt: skip
 EFFECT = ("effect", "effect_low", "effect_high")
 REVERSALS = (

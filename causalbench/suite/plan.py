@@ -214,8 +214,9 @@ class _Planner:
         patches = [*(layer.discovery for layer in layers), layer_of(combination)["discovery"]]
         location = self._discoverer_location(name, combination)
         if method and named:
-            patches.append({"discoverer": named})
             location = ("methods", self.suite.methods.index(method.name))
+            self._named(location, partial(self.plugins.discoverer, named))
+            patches.append({"discoverer": named})
         settings = self._named(location, partial(section.resolve, patches))
         self._named(location, partial(self.plugins.discoverer, settings.discoverer))
         grid_point = _reaching(combination, "discovery", partial(section.reaches, subject=settings.discoverer))

@@ -56,6 +56,42 @@ def test_seeds_share_one_graph_or_have_their_own(tmp_path: Path, plugins: Plugin
     assert [isinstance(cell, DiscoveryCell) for cell in full.cells] == [True] * 3 + [False] * 9
 
 
+def test_a_method_that_names_a_discoverer_has_it_whichever_the_suite_chooses(tmp_path: Path, plugins: Plugins) -> None:
+    methods = SUITE.replace("[cmSAC, cmmSAC, mSAC]", "[cmSAC, cmSAC-kl, mSAC]")
+    ours = plan(tmp_path, plugins, methods + "discovery: {discoverer: paired, kl: {max_epochs: 7}}\n", seeds=1)
+    by_kl = plan(tmp_path, plugins, SUITE + "discovery: {kl: {max_epochs: 7}}\n", seeds=1)
+    found = {cell.method.name: cell for cell in ours.cells if isinstance(cell, LearnerCell)}
+    asked = {name: cell.discovery.settings.discoverer for name, cell in found.items() if cell.discovery}
+    assert asked == {"cmSAC": "paired", "cmSAC-kl": "kl"}
+    assert found["cmSAC-kl"].discovery.id in ids(by_kl)
+    assert found["mSAC"].id in ids(by_kl)
+    check_comparable((cell.id, cell.identity) for cell in ours.cells)
+
+
+def test_a_method_that_names_a_discoverer_is_one_row_of_a_grid_of_them(tmp_path: Path, plugins: Plugins) -> None:
+    methods = SUITE.replace("[cmSAC, cmmSAC, mSAC]", "[cmSAC, cmSAC-kl]")
+    text = methods + "grid: {discovery.discoverer: [kl, paired], discovery.kl.max_epochs: [7, 9]}\n"
+    cells = [cell for cell in plan(tmp_path, plugins, text, seeds=1).cells if isinstance(cell, LearnerCell)]
+    points = {(cell.method.name, *cell.grid_point.values()) for cell in cells}
+    assert points == {
+        ("cmSAC", "kl", 7), ("cmSAC", "kl", 9), ("cmSAC", "paired"), ("cmSAC-kl", 7), ("cmSAC-kl", 9),
+    }  # fmt: skip
+
+
+def test_a_method_of_a_plugin_may_name_a_discoverer_that_is_not_there(tmp_path: Path, plugins: Plugins) -> None:
+    mine = Method("cmMine", "SAC", "causal", "factored", "discovered", discoverer="klm")
+    having = dataclasses.replace(plugins, methods=plugins.methods | {"cmMine": mine})
+    with pytest.raises(SuiteError, match=r"demo.yaml:5: methods\.1: unknown discoverer 'klm'. Did you mean 'kl'"):
+        plan(tmp_path, having, SUITE.replace("[cmSAC, cmmSAC, mSAC]", "[cmSAC, cmMine]"))
+
+
+def test_a_discoverer_of_a_method_that_discovers_nothing_is_refused() -> None:
+    with pytest.raises(
+        ValueError, match="method 'mMine': discoverer 'kl' would be ignored, since its matrix is 'none'"
+    ):
+        Method("mMine", "SAC", "full", "scalar", "none", discoverer="kl")
+
+
 def test_seeds_begin_with_the_suites_first_one(tmp_path: Path, plugins: Plugins) -> None:
     later = SUITE.replace("task:", "first_seed: 100\ntask:")
     quick = plan(tmp_path, plugins, later)

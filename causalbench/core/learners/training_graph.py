@@ -58,9 +58,9 @@ def _found(
 
 
 def _check_discoverer(method: Method, graph: CausalGraph) -> None:
-    found_by = graph.provenance.get("settings", {}).get("discoverer")
-    if method.discoverer and found_by != method.discoverer:
+    found_by = graph.provenance["settings"]["discoverer"] if graph.origin == "discovered" else method.discoverer
+    if method.discoverer not in ("", found_by):
         raise InvalidGraphError(
             f"method {method.name!r} needs a graph by the discoverer {method.discoverer!r}, and causal graph "
-            f"{graph.hash} is by {found_by or graph.origin!r}; discover again with it"
+            f"{graph.hash} is by {found_by!r}; discover again with it"
         )

@@ -85,7 +85,7 @@ def _groups(cells: Iterable[StoredCell]) -> dict[Group, list[StoredCell]]:
 
 
 def majority(source: Source) -> pd.DataFrame:
-    """One row per backend, discoverer, point of a grid and edge: `selected` of `seeds` discoveries, and what the `human` says.
+    """One row per group and edge: `selected` of `seeds` discoveries, and what the `human` says.
 
     Numbers are medians over seeds; `grade` is the oracle's, or several with slashes where seeds differ.
     """

@@ -76,13 +76,14 @@ def _false_edges(source: Source) -> list[Any]:
             Note("No oracle was asked in this run, so false discoveries cannot be counted (discovery: oracle_states).")
         ]
     rows = []
-    for backend, here in absent.groupby("backend"):
+    for (backend, discoverer), here in absent.groupby(["backend", "discoverer"]):
         false, n = int(here["selected"].sum()), len(here)
         low, high = wilson(false, n)
         share = Value(f"{100 * false / n:.1f}% [{100 * low:.1f}, {100 * high:.1f}]", false / n, (low, false / n, high))
-        rows.append(Row([text(backend), number(n, 0), number(false, 0), share], str(backend)))
+        rows.append(Row([text(backend), text(discoverer), number(n, 0), number(false, 0), share], str(backend)))
     columns = [
-        Column("backend"), Column("absent edges", "Edges of all discoveries that the oracle grades absent.", True),
+        Column("backend"), column("discoverer", numeric=False),
+        Column("absent edges", "Edges of all discoveries that the oracle grades absent.", True),
         Column("selected all the same", "", True),
         Column("share", "With its 95% Wilson interval, as if edges were independent.", True),
     ]  # fmt: skip

@@ -1,5 +1,7 @@
 """`anytime` and the e-values that it rests on: levels kept at every look, planted effects found, three outcomes."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,8 @@ from causalbench import worlds
 from causalbench.core.discovery.discoverers import DISCOVERERS
 from causalbench.core.discovery.graph import CausalGraph
 from causalbench.core.discovery.methods.anytime import betting
+from causalbench.core.discovery.methods.anytime.method import Verdicts
+from causalbench.core.discovery.methods.anytime.pairs import Compared
 
 
 def _graph(world, seed=0, **own):
@@ -69,6 +73,25 @@ def test_where_restoring_is_noisy_strong_edges_are_found_or_left_undecided():
     assert stage.matrix[effect > 0.3].all()
     assert not stage.matrix[effect == 0].any()
     assert (stage.matrix | stage.left_open)[effect > 0.1].all()
+
+
+@pytest.mark.parametrize(("squares", "outcome"), [((1.0, 0.0), "undecided"), ((0.0, 0.0), "absent")])
+def test_an_effect_on_a_term_that_has_not_varied_waits_until_it_does(squares, outcome):
+    """Random actions never earned the reward; with one of two actions left at 0 they would have: a share of nothing."""
+    compared = [Compared(np.array(squares)[:, None], np.zeros((2, 1))) for _ in range(300)]
+    pairs = SimpleNamespace(
+        shape=(2, 1), exact=True, taken=[np.zeros(1)] * 300, variance=np.zeros(1),
+        compared=compared, measured=[np.ones(2, dtype=bool)] * 300,
+    )  # fmt: skip
+    verdicts = Verdicts(pairs, level=0.01, miss=0.01, rare=0.05)
+    verdicts.look(last=True)
+    verdicts.close()
+    assert not verdicts.present.any()
+    assert verdicts.open[0, 0] == (outcome == "undecided")
+    assert (verdicts.effect == 0.0).all()
+    pairs.taken[:150], pairs.variance = [np.ones(1)] * 150, np.full(1, 0.25)
+    verdicts.look()
+    assert verdicts.present[0, 0] == (outcome == "undecided")
 
 
 def test_an_undecided_edge_is_in_the_file_and_a_learner_takes_it_for_what_the_setting_says():

@@ -40,6 +40,17 @@ def _pairs(controls, name):
     return [(a, b) for a, b in zip(GRAPH.stages, controls[name].stages, strict=True) if a.stage in changed]
 
 
+def test_a_method_that_names_a_discoverer_takes_the_graphs_of_no_other():
+    one, other = (
+        dataclasses.replace(GRAPH, origin="discovered", provenance={"settings": {"discoverer": name}})
+        for name in ("kl", "paired")
+    )
+    assert training_graph(TASK, METHOD["cmSAC-kl"], one, MAKE, 0) is one
+    assert training_graph(TASK, METHOD["cmSAC"], other, MAKE, 0) is other
+    with pytest.raises(InvalidGraphError, match=r"'cmSAC-kl' needs a graph by the discoverer 'kl', .* is by 'paired'"):
+        training_graph(TASK, METHOD["cmSAC-kl"], other, MAKE, 0)
+
+
 @pytest.mark.parametrize("name", list(CONTROLS))
 def test_every_control_changes_a_matrix_and_leaves_every_stage_solvable(controls, worlds, name):
     graph = controls[name]
@@ -138,6 +149,7 @@ def test_a_graph_that_was_drawn_before_is_not_drawn_again():
     control = dataclasses.replace(GRAPH, origin="control")
     assert training_graph(TASK, METHOD["cmSAC-plus1"], control, MAKE, 0) is control
     assert training_graph(TASK, METHOD["cmSAC"], GRAPH, MAKE, 0) is GRAPH
+    assert training_graph(TASK, METHOD["cmSAC-kl"], GRAPH, MAKE, 0) is GRAPH  # which nobody discovered
     assert training_graph(TASK, METHOD["mSAC"], None, MAKE, 0) is None
 
 

@@ -71,13 +71,18 @@ class Verdicts:
         return ~(self.present | self.absent)
 
     def look(self, last: bool = False) -> None:
-        """Decide what the states so far allow, action by action, since each has been measured in states of its own."""
-        variance, measured = np.fmax(self.pairs.variance, 1e-300), np.array(self.pairs.measured)
-        sizes = np.array([compared.square for compared in self.pairs.compared]) / variance
+        """Decide what the states so far allow, action by action, since each has been measured in states of its own.
+
+        Nothing is said of a term that had an effect and has not varied yet: an effect is a share of its variance.
+        """
+        varied, measured = varies(np.array(self.pairs.taken)), np.array(self.pairs.measured)
+        squares = np.array([compared.square for compared in self.pairs.compared])
+        variance = np.where(varied, self.pairs.variance, np.inf)
+        can_tell, sizes = varied | (squares == 0.0).all((0, 1)), squares / variance
         spreads = np.array([compared.spread for compared in self.pairs.compared]) / variance
         self.event = _event(sizes)
-        for k in np.flatnonzero(self.open.any(1)):
-            self._judge(int(k), sizes[measured[:, k], k], spreads[measured[:, k], k], last)
+        for k in np.flatnonzero((self.open & can_tell).any(1)):
+            self._judge(int(k), can_tell, sizes[measured[:, k], k], spreads[measured[:, k], k], last)
 
     def close(self) -> None:
         """What exact snapshots say of the edges that are open once the steps are spent.
@@ -89,8 +94,8 @@ class Verdicts:
             self.present |= self.open & (self.effect > math.sqrt(ABSENT_BELOW * STRONG_ABOVE))
             self.absent |= self.open & (self.effect == 0.0) & (self.states >= self.least)
 
-    def _judge(self, k: int, sizes: Array, spreads: Array, last: bool) -> None:
-        still = self.open[k].copy()
+    def _judge(self, k: int, can_tell: NDArray[np.bool_], sizes: Array, spreads: Array, last: bool) -> None:
+        still = self.open[k] & can_tell
         found = self._for(sizes, spreads, ABSENT_BELOW)
         against = self._against(sizes, STRONG_ABOVE)
         self.effect[k, still], self.states[k, still] = sizes.mean(0)[still], len(sizes)
