@@ -141,7 +141,9 @@ def check_suite(source: Source, plugins: Plugins) -> SuiteFile:
     learners = _learners(suite, source, plugins)
     file = SuiteFile(suite, source, Sections.of(plugins, dict.fromkeys(learners.values())))
     _check_sections(file, learners)
-    _check_discoverers(file, {plugins.methods[name].discoverer for name in learners})
+    methods = [plugins.methods[name] for name in learners]
+    _check_discoverers(file, {method.discoverer for method in methods})
+    _check_graphs(file, {method.matrix for method in methods})
     _check_budgets(file)
     return file
 
@@ -220,6 +222,18 @@ def _check_discoverers(file: SuiteFile, of_methods: Set[str]) -> None:
                 f"settings of the discoverer {name!r}, and this suite discovers with {', '.join(sorted(chosen))}; "
                 f"leave it out, or say discoverer: {name}",
             )
+
+
+def _check_graphs(file: SuiteFile, matrices: Set[str]) -> None:
+    """Refuse to say who shares a graph where no method needs a discovered one."""
+    if not matrices or "discovered" in matrices:
+        return
+    asking: list[tuple[Location, Suite | Tier]] = [((), file.suite)]
+    asking += [(("tiers", name), tier) for name, tier in file.suite.tiers.items()]
+    for location, layer in asking:
+        if layer.graphs is not None:
+            of_none = f"no graph is discovered for {', '.join(file.suite.methods)}; leave it out"
+            raise file.source.mistake((*location, "graphs"), of_none)
 
 
 def _layers(suite: Suite) -> Iterator[tuple[Location, Layer, Sequence[str]]]:
