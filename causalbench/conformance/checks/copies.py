@@ -29,7 +29,7 @@ TIMEOUT = 60.0  # s that a picture in another thread or process may take
 
 
 def s50_copies(bench: Bench) -> None:
-    """S50. A scene refuses to be copied or pickled, and a copy or pickle of a task's worlds goes on like the original.
+    """S50. A scene refuses to be copied or pickled; a copy or pickle of a task's worlds continues as the original does.
 
     A simulator keeps state that Python does not see. Worlds are made anew by `make` and restored from a snapshot, the
     pickle in a new process: to the bit with `EXACT_RESTORE`, else within `spec.restore_error` in 10 steps.

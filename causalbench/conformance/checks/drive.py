@@ -73,7 +73,7 @@ def s40_room(bench: Bench) -> None:
 
 
 def s41_arc(bench: Bench) -> None:
-    """S41. A second of forward and turn together drives an arc at the declared speeds, and the hand rides along.
+    """S41. One second of forward and turn together drives an arc at the declared speeds, and the hand moves along.
 
     At half speed; way and turn within 10%, the hand within 10 mm and 0.05 rad of its place on the base.
     """
@@ -125,7 +125,7 @@ def s42_base_velocity(bench: Bench) -> None:
 
 
 def s43_lidar(bench: Bench) -> None:
-    """S43. LiDAR: 220 ranges over 220 degrees from right to left, those of the closed form within 1 mm.
+    """S43. The LiDAR gives 220 ranges over 220 degrees from right to left, those of the closed form within 1 mm.
 
     From `spec.lidar_position`, at starts in every room plan and after driving; of a base that stands, at starts of pure
     manipulation and after raising the hand. Rays past an edge may differ, 4 of 220.
@@ -140,7 +140,7 @@ def s43_lidar(bench: Bench) -> None:
 
 
 def s44_lidar_fixtures_only(bench: Bench) -> None:
-    """S44. LiDAR meets fixtures alone: neither the robot nor the target, and nothing within its range is 10 m."""
+    """S44. The LiDAR sees only fixtures, neither the robot nor the target; a ray that meets nothing gives 10 m."""
     scene = bench.scene
     layout = _start(scene, 0)
     position = scene.spec.lidar_position
@@ -219,7 +219,7 @@ def s45_base_collision(bench: Bench) -> None:
 
 
 def s46_snapshot_drive(bench: Bench) -> None:
-    """S46. A snapshot taken while the base drives, or pushes against a wall, goes on the same, too."""
+    """S46. A snapshot that is taken while the base drives or pushes against a wall continues in the same way, too."""
     scene = bench.scene
     _start(scene, 2)
     act(scene, steps(scene, 0.5), forward=0.7, turn=-0.6)

@@ -47,7 +47,7 @@ def s07_quaternions(bench: Bench) -> None:
 
 
 def s08_copies(bench: Bench) -> None:
-    """S8. Facts are the reader's own: writing into them changes nothing, and later steps do not change them."""
+    """S8. Facts belong to the caller: writing into them changes nothing, and later steps do not change them."""
     scene = bench.scene
     start(scene, 0)
     first = scene.facts()

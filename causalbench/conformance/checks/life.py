@@ -13,7 +13,7 @@ from causalbench.processes import ProcessDiedError, call_in_spawned_process
 
 
 def s35_close(bench: Bench) -> None:
-    """S35. `close` may be called twice, and before any reset; other scenes live on."""
+    """S35. `close` may be called twice, and before any reset; other scenes keep working."""
     start(bench.scene, 0)
     used, fresh = bench.make_scene(), bench.make_scene()
     start(used, 1)

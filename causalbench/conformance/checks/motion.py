@@ -37,7 +37,7 @@ FLOOR_MARGIN, RELEASED = 0.08, 0.03  # m above the floor, m below the place of r
 
 
 def s13_translations(bench: Bench) -> None:
-    """S13. A second of full armx, army, armz, either way, moves the hand as declared along its base axis.
+    """S13. One second of full armx, army or armz, either way, moves the hand as declared along its base axis.
 
     Mean of five poses that leave room for it: within 10% along the own axis, at most 5% along or about the others.
     """
@@ -47,7 +47,7 @@ def s13_translations(bench: Bench) -> None:
 
 
 def s14_rotations(bench: Bench) -> None:
-    """S14. A second of full armrx, armry, armrz, either way, turns the hand as declared about its own axis.
+    """S14. One second of full armrx, armry or armrz, either way, turns the hand as declared about its own axis.
 
     Mean of five poses that leave room for it: within 10% about the own axis, at most 5% along or about the others.
     """
@@ -101,7 +101,7 @@ def s15_grip(bench: Bench) -> None:
 
 
 def s16_base(bench: Bench) -> None:
-    """S16. A second of forward or turn at half speed, either way, moves the base as declared, and nothing else of it.
+    """S16. One second of forward or turn at half speed, either way, moves the base as declared and in no other way.
 
     Within 10% along the own axis, at most 5% across. Backwards first: the table is in front.
     """
@@ -122,7 +122,7 @@ def s16_base(bench: Bench) -> None:
 
 
 def s17_half(bench: Bench) -> None:
-    """S17. Half an action goes half as far (armx, army, armz: 45% to 55% of the full one's way)."""
+    """S17. Half an action moves the hand half as far (armx, army, armz: 45% to 55% of the full action's way)."""
     for index, name in enumerate(AXES[:3]):
         full, half = (
             np.mean([moved(run[0], run[-1])[index] for run in full_runs(bench.scene, name, 1.0, size)])
@@ -184,7 +184,7 @@ def s20_grip_zero(bench: Bench) -> None:
 
 
 def s21_gravity(bench: Bench) -> None:
-    """S21. A released box falls at g within 5%, measured in steps of `control_dt`: time and metres are the world's."""
+    """S21. A released box falls with g within 5%, measured in steps of `control_dt`: seconds and metres are real."""
     scene = bench.scene
     for layout in draws(scene, 0, 4):
         if accepts(scene, _narrow_table(layout)):

@@ -77,7 +77,7 @@ def _free(scene: Scene) -> None:
 
 
 def s30_snapshot_free(bench: Bench) -> None:
-    """S30. A snapshot in free motion, restored in this or another scene, goes on the same.
+    """S30. A snapshot in free motion, restored in this or another scene, continues in the same way.
 
     To the bit with the capability `EXACT_RESTORE`, else within `spec.restore_error` in 15 steps.
     `layout` is the snapshot's again.
@@ -87,19 +87,19 @@ def s30_snapshot_free(bench: Bench) -> None:
 
 
 def s31_snapshot_contact(bench: Bench) -> None:
-    """S31. A snapshot taken while the hand presses on the table goes on the same, too."""
+    """S31. A snapshot that is taken while the hand presses on the table continues in the same way, too."""
     press(bench.scene)
     check_restored(bench, "pressing on the table")
 
 
 def s32_snapshot_grasp(bench: Bench) -> None:
-    """S32. A snapshot taken with the box in the hand goes on the same, too."""
+    """S32. A snapshot that is taken with the box in the hand continues in the same way, too."""
     grasp(bench.scene)
     check_restored(bench, "with the box in the hand")
 
 
 def s33_snapshot_new_process(bench: Bench) -> None:
-    """S33. The bytes of a snapshot mean the same in a new process."""
+    """S33. A snapshot can be restored in a new process and continues in the same way there."""
     snapshots = []
     for prepare in (_free, press, grasp):
         prepare(bench.scene)

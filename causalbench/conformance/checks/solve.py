@@ -28,7 +28,7 @@ def s38_expert(bench: Bench) -> None:
 
 
 def s39_lift(bench: Bench) -> None:
-    """S39. What the expert has grasped can be lifted and held for 2 s, grip being 0 (5 starts of stage 3)."""
+    """S39. The box that the expert has grasped can be lifted and held for 2 s with grip at 0 (5 starts of stage 3)."""
     worlds = SceneWorlds(TASK, bench.scene)
     for seed in range(5):
         where = _solve(worlds, seed, 3)

@@ -18,7 +18,7 @@ from causalbench.suite.task_identity import task_identity
 
 
 def t01_identity(bench: TaskBench) -> None:
-    """T1. All data of the task, its constants first, is JSON, and its identity is the same whenever it is asked for.
+    """T1. All data of the task is JSON, its constants included, and its identity is the same whenever it is computed.
 
     The identity is that of `causalbench.suite.task_identity`, which makes the ids of a run's cells.
     """
@@ -33,7 +33,7 @@ def t01_identity(bench: TaskBench) -> None:
 
 
 def t02_new_process(bench: TaskBench) -> None:
-    """T2. The task can be pickled, and in a new process the same starts and actions lead to the same.
+    """T2. The task can be pickled, and in a new process the same starts and actions give the same results.
 
     To six decimals: stages, rewards and states along a walk from a start of the first stage that can be entered.
     """

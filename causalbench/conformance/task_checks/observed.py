@@ -19,7 +19,7 @@ def _states(bench: TaskBench) -> NDArray[np.float64]:
 
 
 def t19_state(bench: TaskBench) -> None:
-    """T19. The state variables are finite, as many as their names, and what agents see of them lies in the space."""
+    """T19. The state variables are finite and as many as their names, and observations lie in the observation space."""
     states = _states(bench)
     expect(
         states.shape[1:] == (len(bench.task.state_names),),
@@ -46,7 +46,7 @@ def t20_bounds(bench: TaskBench) -> None:
 
 
 def t21_features(bench: TaskBench) -> None:
-    """T21. Features are finite, and depend on the state alone: the same one by one, together, and when asked again.
+    """T21. Features are finite and depend on the state alone: one by one, together or again, they are the same.
 
     Nor do they change the states that they are given, and each takes several values within +-5, where they are clipped.
     """
@@ -69,7 +69,7 @@ def t21_features(bench: TaskBench) -> None:
 
 
 def t22_potential(bench: TaskBench) -> None:
-    """T22. The potential is 0 or more, and a step into a later stage raises it as one into an earlier stage lowers it.
+    """T22. The potential is at least 0; a step into a later stage raises it, and one into an earlier stage lowers it.
 
     So a learner that climbs one reward gains nothing from falling back.
     """

@@ -49,7 +49,7 @@ def repeatable(bench: TaskBench) -> bool:
 
 
 def t10_deterministic(bench: TaskBench) -> None:
-    """T10. The same seeds and actions lead to the same, to the bit, in other worlds and whatever came before."""
+    """T10. The same seeds and actions give the same results, to the bit, in other worlds and after other episodes."""
     other = bench.make()
     for stage in reversed(bench.starts):
         first, second, third = (
@@ -97,7 +97,7 @@ def _walked(bench: TaskBench, stage: int, seed: int) -> list[Sample]:
 
 
 def t12_restored(bench: TaskBench) -> None:
-    """T12. From a snapshot a world goes on as it did: to the bit with `EXACT_RESTORE`.
+    """T12. From a snapshot a world continues as it did before, to the bit with `EXACT_RESTORE`.
 
     Without it no state variable may be off by more than 1% of the width of its bounds in 5 steps.
     """
@@ -128,7 +128,7 @@ def _states(bench: TaskBench) -> Array:
 
 
 def t13_pure(bench: TaskBench) -> None:
-    """T13. The task's functions change nothing that they are given, neither what is seen nor the action."""
+    """T13. The task's functions change none of their arguments, neither what is seen nor the action."""
     for sample in bench.samples[:: max(1, len(bench.samples) // 20)]:
         kept = copy.deepcopy((_arrays(sample.before), sample.action, _arrays(sample.now)))
         for name, call in _calls(bench, sample).items():

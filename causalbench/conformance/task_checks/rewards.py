@@ -47,7 +47,7 @@ def t15_sum(bench: TaskBench) -> None:
 
 
 def t16_of_the_step(bench: TaskBench) -> None:
-    """T16. Rewards depend on the step alone: judged again, in the order of time reversed, it is paid the same."""
+    """T16. Rewards depend on the step alone: computed again in reversed order, they are the same."""
     for sample in reversed(bench.samples):
         again = _paid(bench, sample)
         expect(
@@ -80,7 +80,7 @@ def t17_vary(bench: TaskBench) -> None:
 
 
 def t18_antisymmetric(bench: TaskBench) -> None:
-    """T18. A progress term pays for a step back what the step forward cost, so that going to and fro gains nothing.
+    """T18. A progress term takes for a step back what it paid for the step forward: going back and forth gains nothing.
 
     Progress terms are those of `potential_terms` that discovery may use; steps count that stay in a stage.
     """

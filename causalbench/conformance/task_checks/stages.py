@@ -9,13 +9,13 @@ from causalbench.conformance.task_bench import TaskBench
 
 
 def t06_total(bench: TaskBench) -> None:
-    """T6. U(s) says a stage from 1 to `n_stages` in every state that a walk comes by."""
+    """T6. U(s) is a stage from 1 to `n_stages` in every state of the walks."""
     wrong = {int(s.step.next_stage) for s in bench.samples} - {*bench.stages}
     expect(not wrong, f"stage() said {sorted(wrong)}, expected 1 to {bench.task.n_stages} in every state")
 
 
 def t07_memoryless(bench: TaskBench) -> None:
-    """T7. U(s) is a function of the state alone: asked again, in the order of time reversed, it says the same.
+    """T7. U(s) depends on the state alone: computed again in reversed order, it gives the same stages.
 
     What latches, such as "has been above it once", is no state.
     """
@@ -25,7 +25,7 @@ def t07_memoryless(bench: TaskBench) -> None:
 
 
 def t08_entered(bench: TaskBench) -> None:
-    """T8. A reset can enter every stage, and then U(s) is that stage (3 starts each)."""
+    """T8. A reset can start in every stage, and U(s) is then that stage (3 starts each)."""
     expect(not bench.refused, " ".join(f"Stage {stage}: {reason}." for stage, reason in bench.refused.items()))
     for stage, starts in bench.starts.items():
         found = [int(bench.task.stage(start)) for start in starts]

@@ -21,7 +21,7 @@ def t23_not_yet(bench: TaskBench) -> None:
 
 
 def t24_expert(bench: TaskBench) -> None:
-    """T24. The expert's actions are one number each, in [-1, 1]."""
+    """T24. The expert gives one number in [-1, 1] for each action."""
     for sample in bench.samples:
         action = np.asarray(scripted(bench, sample.now))
         expect(action.shape == (len(bench.task.actions),), f"the expert's action has the shape {action.shape}")
@@ -29,14 +29,14 @@ def t24_expert(bench: TaskBench) -> None:
 
 
 def t25_solved(bench: TaskBench) -> None:
-    """T25. The expert comes to success within the horizon from at least 4 of 5 starts."""
+    """T25. The expert reaches success within the horizon from at least 4 of 5 starts."""
     ends = [where for where, _ in _episodes(bench)]
     failed = [where for where in ends if where]
     expect(len(failed) <= EPISODES - NEEDED, f"the expert succeeds from {EPISODES - len(failed)} of 5 starts: {failed}")
 
 
 def t26_stands(bench: TaskBench) -> None:
-    """T26. What the expert came to stands the task's own test, `after_success`, in 4 of 5 cases."""
+    """T26. The expert's successes pass the task's own test, `after_success`, in at least 4 of 5 cases."""
     stood = [test for where, test in _episodes(bench) if not where]
     fell = stood.count(False)
     expect(fell <= EPISODES - NEEDED, f"{fell} of {len(stood)} successes of the expert do not stand after_success")

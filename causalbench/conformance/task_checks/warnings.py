@@ -23,7 +23,7 @@ MATTERS = (Grade.weak, Grade.strong)
 
 
 def w01_left_at_once(bench: TaskBench) -> None:
-    """W1. No stage is left at once, whatever is done.
+    """W1. No stage is left in its first step whatever the agent does.
 
     In one step, from less than 75% of 20 starts, under random actions or under the expert's.
     """
@@ -57,7 +57,7 @@ def w02_causes(bench: TaskBench) -> None:
 
 
 def w03_enough(bench: TaskBench) -> None:
-    """W3. The causes of a stage's terms are enough to leave it: so the expert does, all other actions being 0.
+    """W3. The causes of a stage's terms are enough to leave it: the expert does so with all other actions at 0.
 
     From at least half as many of 20 starts as with all actions.
     """
@@ -74,7 +74,7 @@ def w03_enough(bench: TaskBench) -> None:
 
 
 def w04_no_farming(bench: TaskBench) -> None:
-    """W4. Going to and fro over the border of a stage earns less of the scalar that learners climb than success does.
+    """W4. Going back and forth over the border of a stage earns less than success, in the one reward of a learner.
 
     That scalar is the change of the potential, or the sum of the terms where there is none; 200 steps at most.
     """
@@ -88,7 +88,7 @@ def w04_no_farming(bench: TaskBench) -> None:
 
 
 def w05_reached(bench: TaskBench) -> None:
-    """W5. Every stage is come by in one of 20 episodes of the expert's."""
+    """W5. Every stage occurs in at least one of 20 episodes of the expert."""
     seen = {int(stage) for trace in _episodes(bench) for stage in trace}
     missed = sorted({*bench.stages} - seen)
     expect(not missed, f"no episode came by stage {', '.join(map(str, missed))}: nothing is learned there")
@@ -105,7 +105,7 @@ def w06_vary_at_random(bench: TaskBench) -> None:
 
 
 def w07_forward(bench: TaskBench) -> None:
-    """W7. The expert's way from start to success goes from stage to later stage, in half of 20 episodes at least."""
+    """W7. From start to success the expert goes only to later stages, in at least half of 20 episodes."""
     back = [trace for trace in _episodes(bench) if (np.diff(trace) < 0).any()]
     expect(
         len(back) <= HALF * STARTS,
