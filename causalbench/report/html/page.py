@@ -35,7 +35,7 @@ from causalbench.report.html.multiples import Multiples
 from causalbench.report.html.source import Source, read_source
 from causalbench.report.html.wording import count, listed
 from causalbench.report.pastable import leaderboard_md, leaderboard_tex
-from causalbench.report.tables import Table
+from causalbench.report.tables import Table, write_tables
 from causalbench.store.run_folder import RunFolder
 
 REPORT = "report.html"
@@ -57,7 +57,8 @@ class Fact:
 def write_report(folder: str | PathLike[str], out: str | PathLike[str] | None = None) -> Path:
     """Write `report.html` into the run folder `folder`, with figures/, leaderboard.md and leaderboard.tex beside it.
 
-    With `out` the page alone is written, there. What is read is the folder: no torch, no simulator, no network. Returns
+    The tables of the folder are made anew from its cells, which may have been copied there from several machines. With
+    `out` the page alone is written, there. What is read is the folder: no torch, no simulator, no network. Returns
     the path of the page. Raises `RunFolderError` for a folder without cells, `UserError` where it cannot write.
     """
     source = read_source(Path(folder))
@@ -65,6 +66,7 @@ def write_report(folder: str | PathLike[str], out: str | PathLike[str] | None = 
     try:
         write_text(path, render(source))
         if out is None:
+            write_tables(source.run)
             write_beside(source)
     except OSError as error:
         raise UserError(f"{path}: cannot be written ({error.strerror}); choose another place with --out") from error

@@ -133,6 +133,14 @@ def test_damage_is_said_and_not_counted(tmp_path: Path) -> None:
     assert "1 of 2 started cells done" in text
 
 
+def test_its_tables_are_those_of_the_cells_that_are_there(tmp_path: Path) -> None:
+    run = RunFolder(tmp_path)
+    for seed in range(2):
+        finished(run, seed=seed)
+        write_report(tmp_path)
+        assert len((tmp_path / "results.csv").read_text().splitlines()) == seed + 2
+
+
 def test_a_folder_of_discoveries_alone_has_a_page(tmp_path: Path) -> None:
     discovered(RunFolder(tmp_path))
     text = write_report(tmp_path).read_text(encoding="utf-8")
