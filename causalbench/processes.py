@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import functools
 import multiprocessing
 import multiprocessing.connection
@@ -13,7 +14,6 @@ import signal
 import subprocess
 import sys
 import tempfile
-import threading
 import types
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -48,6 +48,9 @@ def use_one_thread_each() -> None:
         os.environ.setdefault(name, "1")
 
 
+LEAVING = 10.0  # s that a process may take to end once nobody can talk with it
+
+
 @dataclass
 class Child:
     """A process of ours and this end of the link to it."""
@@ -68,13 +71,26 @@ class Child:
         self.process.terminate()
 
     def wait(self, seconds: float) -> None:
-        """Wait until it has ended, but no longer than `seconds`."""
-        self.process.join(max(seconds, 0.0))
+        """Wait until it has ended, but no longer than `seconds`.
+
+        `Process.join` would wait for ever for one that has closed its files and lives on.
+        """
+        with contextlib.suppress(ProcessLookupError):  # it has ended, and its parent knows
+            handle = os.pidfd_open(self.process.pid or 0)
+            try:
+                multiprocessing.connection.wait([handle], max(seconds, 0.0))
+            finally:
+                os.close(handle)
 
     def kill(self) -> None:
         """End it at once, in the middle of whatever it does."""
         self.process.kill()
         self.process.join()
+
+    def leave(self) -> None:
+        """Wait until it has ended, as it does soon after its end of the link is closed; one that lives on is killed."""
+        self.wait(LEAVING)
+        self.kill()
 
     def close(self) -> None:
         """Wait until it has ended, then release the link."""
@@ -142,16 +158,24 @@ def preload(modules: Sequence[str]) -> None:
 
 def _begin(function: Callable[..., None], link: Connection, *arguments: Any) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_die_with_parent, daemon=True).start()
+    _die_with_parent()
     function(link, *arguments)
 
 
 def _die_with_parent() -> None:
-    """A parent that is killed cannot end its processes, which would go on to write where others do."""
+    """A parent that is killed cannot end its processes, which would go on to write where others do.
+
+    The kernel does it, as soon as the parent's end of the pipe between them is closed: a simulator may never return to
+    Python, so that no thread could.
+    """
     parent = multiprocessing.parent_process()
     assert parent is not None
-    multiprocessing.connection.wait([parent.sentinel])
-    os._exit(1)
+    pipe = parent.sentinel
+    fcntl.fcntl(pipe, fcntl.F_SETOWN, os.getpid())
+    fcntl.fcntl(pipe, fcntl.F_SETSIG, signal.SIGKILL)
+    fcntl.fcntl(pipe, fcntl.F_SETFL, fcntl.fcntl(pipe, fcntl.F_GETFL) | os.O_ASYNC)
+    if multiprocessing.connection.wait([pipe], timeout=0):  # closed before that
+        os._exit(1)
 
 
 class Pool(Generic[Job, Result]):
@@ -179,6 +203,7 @@ class Pool(Generic[Job, Result]):
             while (answer := child.link.recv())[0] == "report":
                 self.on_report(answer[1])
         except (EOFError, OSError) as error:
+            child.leave()
             raise ProcessDiedError(f"a process {child.how_it_ended()} before it had answered") from error
         finally:
             self._idle.put(child)

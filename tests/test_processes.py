@@ -40,6 +40,9 @@ def _acting():
     def work(job, report):
         if job == "die":
             os.kill(os.getpid(), signal.SIGKILL)
+        if job == "close all files":
+            os.closerange(3, 4096)
+            threading.Event().wait()
         if job == "raise":
             raise FileNotFoundError("no such thing")
         if job == "raise oddly":
@@ -93,6 +96,12 @@ def test_a_process_that_dies_says_how(acting):
         acting.submit("die").result()
 
 
+def test_a_process_that_closes_its_link_and_lives_on_is_ended(acting, monkeypatch):
+    monkeypatch.setattr("causalbench.processes.LEAVING", 0.1)
+    with pytest.raises(ProcessDiedError, match="was killed by SIGKILL"):
+        acting.submit("close all files").result()
+
+
 def test_a_pool_that_is_closed_ends_its_processes_in_the_middle_of_a_job(acting):
     future = acting.submit("wait")
     assert acting.told.wait(60)
@@ -102,12 +111,12 @@ def test_a_pool_that_is_closed_ends_its_processes_in_the_middle_of_a_job(acting)
 
 
 ORPHANED = """
-import os, sys, threading
+import ctypes, os, sys, threading
 from causalbench import processes
 
 def child(link):
     link.send(os.getpid())
-    threading.Event().wait()
+    ctypes.PyDLL(None).sleep(600)  # with the lock of the interpreter, so that no thread of this process runs either
 
 if __name__ == "__main__":
     started = processes.start(sys.argv[1], child)

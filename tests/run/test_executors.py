@@ -7,6 +7,7 @@ import os
 import shutil
 import subprocess
 import sys
+import threading
 from collections.abc import Callable
 from pathlib import Path
 
@@ -170,6 +171,27 @@ def test_a_cell_whose_process_others_stop_goes_on_but_not_for_ever(
         ended = [*executor.ended()]
     assert len(mark.read_text()) == times
     assert run.status(cell).reason == reason
+
+
+def _closes_all_files(link: object) -> None:
+    """A simulator that closes every file of its process, the link among them, and lives on."""
+    os.closerange(0, 4096)
+    threading.Event().wait()
+
+
+def test_a_cell_that_closes_its_link_and_lives_on_is_ended(
+    tiny_suite: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = RunFolder(tmp_path / "run")
+    (cell, *_) = make_plan(load_suite(tiny_suite, installed()), "smoke", installed()).cells
+    monkeypatch.setattr("causalbench.processes.LEAVING", 0.1)
+    monkeypatch.setattr(processes, "start_cell", lambda *arguments: start("spawn", _closes_all_files))
+    executor = Processes(run, lambda cell, progress: None, Keeping(), 1)
+    executor.start(cell)
+    ended: list[object] = []
+    while not ended:
+        ended = [*executor.ended()]
+    assert run.status(cell) == Status("failed", "its process was killed by SIGKILL; see log.txt")
 
 
 def test_the_serial_executor_goes_on_after_an_exception(run: Callable, tmp_path: Path) -> None:

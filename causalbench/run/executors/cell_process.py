@@ -48,9 +48,12 @@ class StopSignal:
 
 
 def start_cell(method: Method, cell: Cell, run: RunFolder, keeping: Keeping, cores: int) -> Child:
-    """Work on `cell`, which `run.start` has prepared, in a new process. It reports `Progress` through its link."""
+    """Work on `cell`, which `run.start` has prepared, in a new process. It reports `Progress` through its link.
+
+    A simulator may change the working directory of that process.
+    """
     with without_main():
-        return start(method, _work, cell, run, keeping, cores)
+        return start(method, _work, cell, RunFolder(run.path.absolute()), keeping, cores)
 
 
 def settle(cell: Cell, child: Child, run: RunFolder, over: Status | None = None) -> None:

@@ -27,9 +27,10 @@ class ClusterJob:
         try:
             while True:
                 self.child = start_cell("spawn", self.cell, self.run, self.keeping, self.cell.cores)
-                with suppress(EOFError, OSError):  # the process has ended
+                with suppress(EOFError, OSError):  # the process has ended, or will
                     while True:
                         self.child.link.recv()
+                self.child.leave()
                 settle(self.cell, self.child, self.run)
                 if self.child.process.exitcode != STOPPED:
                     return

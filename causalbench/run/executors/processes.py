@@ -130,7 +130,7 @@ class Processes:
                     self.on_progress(by_link[ready].cell, ready.recv())
                     by_link[ready].heard = time.monotonic()
                 except (EOFError, OSError):  # OSError: killed in the middle of a message
-                    by_link[ready].child.process.join()  # the far end closes only when the process ends
+                    by_link[ready].child.leave()
         for job in self._running:
             cut(self.run.folder(job.cell) / LOG)
 
