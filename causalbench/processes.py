@@ -76,16 +76,18 @@ class Child:
         `Process.join` would wait for ever for one that has closed its files and lives on.
         """
         with contextlib.suppress(ProcessLookupError):  # it has ended, and its parent knows
-            handle = os.pidfd_open(self.process.pid or 0)
+            assert self.process.pid is not None
+            handle = os.pidfd_open(self.process.pid)
             try:
                 multiprocessing.connection.wait([handle], max(seconds, 0.0))
             finally:
                 os.close(handle)
 
     def kill(self) -> None:
-        """End it at once, in the middle of whatever it does."""
+        """End it at once, in the middle of whatever it does, with all that it has started."""
         self.process.kill()
         self.process.join()
+        self._end_group()
 
     def leave(self) -> None:
         """Wait until it has ended, as it does soon after its end of the link is closed; one that lives on is killed."""
@@ -93,9 +95,15 @@ class Child:
         self.kill()
 
     def close(self) -> None:
-        """Wait until it has ended, then release the link."""
+        """Wait until it has ended, end what it has started and release the link."""
         self.process.join()
+        self._end_group()
         self.link.close()
+
+    def _end_group(self) -> None:
+        assert self.process.pid is not None
+        with contextlib.suppress(ProcessLookupError):  # it has left nobody behind
+            os.killpg(self.process.pid, signal.SIGKILL)
 
     def how_it_ended(self) -> str:
         """Such as "was killed by SIGSEGV" or "exited with code 1"; waits until it has ended."""
@@ -158,6 +166,7 @@ def preload(modules: Sequence[str]) -> None:
 
 def _begin(function: Callable[..., None], link: Connection, *arguments: Any) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    os.setpgid(0, 0)  # so that what it starts, as some simulators do, can be ended with it
     _die_with_parent()
     function(link, *arguments)
 

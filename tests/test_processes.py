@@ -1,5 +1,6 @@
 """Processes of ours: what they answer, and that none outlives the one that started it."""
 
+import multiprocessing.connection
 import os
 import signal
 import subprocess
@@ -14,6 +15,7 @@ from causalbench.processes import (
     ProcessDiedError,
     call_in_new_interpreter,
     call_in_spawned_process,
+    start,
 )
 
 
@@ -133,6 +135,19 @@ def test_no_process_outlives_a_parent_that_is_killed(method, tmp_path):
         assert int(parent.stdout.readline()) != parent.pid
         parent.kill()
         assert parent.stdout.read() == ""  # returns when the last process that holds the pipe is gone
+
+
+def _starts_another(link):
+    link.send(subprocess.Popen(["sleep", "600"]).pid)
+
+
+@pytest.mark.parametrize("method", ["spawn", "forkserver"])
+def test_what_a_process_has_started_ends_with_it(method):
+    child = start(method, _starts_another)
+    left = os.pidfd_open(child.link.recv())
+    child.close()
+    assert multiprocessing.connection.wait([left], timeout=60)  # readable once it has ended
+    os.close(left)
 
 
 def test_a_function_is_called_elsewhere():
