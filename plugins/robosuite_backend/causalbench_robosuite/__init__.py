@@ -29,9 +29,9 @@ def make(control_hz: float = 10.0, timestep: float = 0.002, mobile: bool = False
 @hookimpl
 def causalbench_tasks(register: Callable[[Any], None]) -> None:
     """Register what robosuite's own environments become in stages."""
-    from causalbench_robosuite import nut_assembly_square, stack_cubes
+    from causalbench_robosuite import nut_assembly_square, stack_cubes, two_arm_lift
 
-    for module in (nut_assembly_square, stack_cubes):
+    for module in (nut_assembly_square, stack_cubes, two_arm_lift):
         register(module.TASK)
 
 

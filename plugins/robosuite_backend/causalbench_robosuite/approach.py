@@ -5,6 +5,7 @@ In a fourth it holds it. robosuite's are its grasp, pads that touch the thing, a
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -56,6 +57,23 @@ CAUSES = {
     2: {"r_lower": "z", "r_reach": "x y z"},
     3: {"r_close": "grip", "r_grasp": "grip"},
 }
+
+
+def terms_of(*hands: str) -> tuple[Term, ...]:
+    """`TERMS` of each of several hands in turn: "r_x" is "r_a_x" for the hand "a"."""
+    return tuple(replace(term, name=_of(hand, term.name)) for hand in hands for term in TERMS)
+
+
+def causes_of(*hands: str) -> dict[int, dict[str, str]]:
+    """`CAUSES` of several hands, of which each has its own actions: "x" is "a_x" for the hand "a"."""
+    return {
+        stage: {_of(h, term): " ".join(f"{h}_{a}" for a in c.split()) for h in hands for term, c in row.items()}
+        for stage, row in CAUSES.items()
+    }
+
+
+def _of(hand: str, term: str) -> str:
+    return term.replace("r_", f"r_{hand}_", 1)
 
 
 def look(robot: Any, hold: Array, yaw: float, grasped: bool) -> Array:

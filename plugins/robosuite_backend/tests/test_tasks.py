@@ -9,7 +9,7 @@ import pytest
 
 from causalbench.conformance.testing import TaskConformance
 from causalbench.task import Seen
-from causalbench_robosuite import approach, pick, stack_cubes, tcp
+from causalbench_robosuite import approach, pick, stack_cubes, tcp, two_arm_lift
 
 HAND = np.array([0.0, 0.0, 0.9, 0.0, 0.0, -0.05, 0.0, 0.0, 0.0, 0.08, 0.0])  # open, 5 cm above the thing
 
@@ -84,6 +84,53 @@ def test_a_hand_that_points_down_is_level() -> None:
     assert tcp.direction(tcp.axes(robot)) == pytest.approx(np.pi / 2)
 
 
+def two(a: dict[int, float], b: dict[int, float], tilt: float = 0.0, lifted: float = 0.0) -> Seen:
+    """What shows two hands as `HAND` is, but for what is said, and a pot that is lifted so much."""
+    hands = [np.array([{**dict(enumerate(HAND)), **hand}[i] for i in range(len(HAND))]) for hand in (a, b)]
+    return Seen(np.array([*hands[0], *hands[1], lifted, tilt, 0.2, 0.3, lifted, lifted > 0.1]), {})
+
+
+AWAY, ABOVE, AT, HOLDS = {3: 0.1}, {}, {5: 0.0}, {5: 0.0, 10: 1.0}  # a hand in stage 1, 2, 3, and one that holds
+
+
+@pytest.mark.parametrize("hand", [AWAY, ABOVE, AT, HOLDS])
+def test_the_stage_of_two_hands_is_that_of_the_one_behind(hand: dict[int, float]) -> None:
+    stages = AWAY, ABOVE, AT, HOLDS
+    for u, other in enumerate(stages, 1):
+        expected = min(u, stages.index(hand) + 1)
+        assert two_arm_lift.TASK.stage(two(hand, other)) == two_arm_lift.TASK.stage(two(other, hand)) == expected
+    assert two_arm_lift.TASK.stage(two(hand, HOLDS, lifted=0.07)) == (5 if hand is HOLDS else stages.index(hand) + 1)
+
+
+@pytest.mark.parametrize(
+    ("before", "tilt", "lifted", "verdict"),
+    [(5, 0.0, 0.11, True), (3, 0.0, 0.11, False), (5, 0.6, 0.11, False), (5, 0.0, 0.09, False)],
+)
+def test_a_pot_is_lifted_level_by_hands_that_held_it(before: int, tilt: float, lifted: float, verdict: bool) -> None:
+    assert two_arm_lift.success(before, two(HOLDS, HOLDS, tilt, lifted)) is verdict
+
+
+def test_each_hand_earns_its_own_terms_and_the_pot_earns_for_both() -> None:
+    def paid(now: Seen) -> dict[str, float]:
+        gains = two_arm_lift.rewards(two(HOLDS, HOLDS), 4, np.zeros(14), now, 4)
+        return {term.name: gain for term, gain in zip(two_arm_lift.TERMS, gains, strict=True) if gain}
+
+    assert paid(two(HOLDS, {**HOLDS, 3: 0.01})) == pytest.approx({"r_b_x": -0.1})
+    assert paid(two({**HOLDS, 9: 0.05}, HOLDS)) == pytest.approx({"r_a_open": -0.2, "r_a_close": 0.3})
+    assert paid(two(HOLDS, HOLDS, 0.1, 0.02)) == pytest.approx({"r_height": 0.2, "r_lift": 0.14, "r_level": -0.2})
+
+
+def test_a_human_gives_each_hand_its_own_actions_and_the_pot_those_of_both() -> None:
+    graph = two_arm_lift.TASK.manual_graph
+    for stage in (1, 2, 3):
+        for term, causes in graph[stage].items():
+            hand = term.split("_")[1]
+            alone = approach.CAUSES[stage][term.replace(f"{hand}_", "", 1)].split()
+            assert causes == {f"{hand}_{action}" for action in alone}
+        assert len(graph[stage]) == 2 * len(approach.CAUSES[stage])
+    assert {*graph[4].values(), *graph[5].values()} == {frozenset({"a_z", "b_z"})}
+
+
 @pytest.mark.long
 class TestStackCubes(TaskConformance):
     task = "stack_cubes"
@@ -92,3 +139,8 @@ class TestStackCubes(TaskConformance):
 @pytest.mark.long
 class TestNutAssemblySquare(TaskConformance):
     task = "nut_assembly_square"
+
+
+@pytest.mark.long
+class TestTwoArmLift(TaskConformance):
+    task = "two_arm_lift"
