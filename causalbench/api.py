@@ -28,7 +28,7 @@ from causalbench.plugins.manager import installed
 
 
 class TrainingRun(NamedTuple):
-    """What `train` returns."""
+    """What `train` returns: the policy after the last step, all evaluations in order, and the counts of training."""
 
     policy: Policy
     evaluations: list[Evaluation]
@@ -40,7 +40,7 @@ def _silent(share: float, text: str) -> None:
 
 
 def load_graph(path: str | PathLike[str]) -> CausalGraph:
-    """The causal graph in a file `graph.json`.
+    """Read the causal graph in a file `graph.json`, which `causalbench discover` and `CausalGraph.to_json` write.
 
     Raises `InvalidGraphError` for a file that cannot be read, is no graph, or does not match its own hash.
     """
@@ -53,10 +53,14 @@ def discover(
     seed: int = 0,
     on_progress: Callable[[float, str], None] = _silent,
 ) -> CausalGraph:
-    """The causal graph of `env`'s task (paper, Algorithm 1), found in worlds of its own like that of `env`.
+    """Discover the causal graph of the task of `env` (paper, Algorithm 1) and return it.
 
-    `on_progress(share done, what is being done)` is called often. Raises `UserError` unless `make_env` made `env`,
-    for a wrapper around it, which those worlds would not have, and for a setting or a seed out of its bounds.
+    `env` is an environment from `make_env` or `gymnasium.make`, without further wrappers. It is not stepped: discovery
+    makes new worlds of the same task and backend. `settings` say which discoverer is used and how many samples it gets.
+    The same `seed` gives the same graph. `on_progress(share, text)` is called often, with the share done in [0, 1] and
+    a few words.
+
+    Raises `UserError` for another environment, for a wrapper, and for a setting or a seed out of its bounds.
     """
     task, make_worlds, _ = _parts(env)
     check_record(settings, DiscoverySettings)
@@ -75,14 +79,20 @@ def train(
     checkpoint: Path | str | None = None,
     on_progress: Callable[[float, str], None] = _silent,
 ) -> TrainingRun:
-    """Train `method` on `env`'s task, in worlds of its own like that of `env` (paper, Algorithm 3).
+    """Train `method` on the task of `env` (paper, Algorithm 3) and return the policy, its evaluations and counts.
 
-    `graph` is what a method with a discovered matrix needs; `settings` is a record of the method's learner, None for
-    its defaults; the policy observes what `env` does. With the file `checkpoint`, a call that was killed goes on there
-    when it is repeated. Raises `InvalidGraphError` for a missing or wrong graph, or one that the method would not use,
-    `CheckpointError` for a checkpoint of another run, `DivergedError` for a loss that explodes, and `UserError` for the
-    settings of another learner, for a setting, a number of steps or a seed out of its bounds, and for an environment
-    that `make_env` did not make or that has a wrapper, which the worlds of its own would not have.
+    - `env` is an environment from `make_env` or `gymnasium.make`, without further wrappers. It is not stepped: training
+      makes new worlds of the same task and backend. The policy observes what `env` observes.
+    - `graph` is the causal graph of a method with a discovered matrix; other methods take None.
+    - `env_steps` is the budget in control steps of all worlds together.
+    - `settings` is a record of the method's learner, such as `SACSettings`; None stands for its defaults.
+    - `evaluation` says when and how the policy is evaluated.
+    - `checkpoint` is a file. If a call was killed, the same call continues from this file.
+    - `on_progress(share, text)` is called often, with the share done in [0, 1] and a few words.
+
+    Raises `InvalidGraphError` for a missing or wrong graph and for one that the method would not use, `CheckpointError`
+    for a checkpoint of another run, `DivergedError` for a loss that explodes, and `UserError` for another environment,
+    for a wrapper, for the settings of another learner, and for a value out of its bounds.
     """
     task, make_worlds, seen = _parts(env)
     chosen = installed().method(method)

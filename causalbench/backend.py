@@ -1,4 +1,4 @@
-"""All that an author of a backend imports; `docs/plugins.md` says what each name is for.
+"""An author of a backend imports this module and `causalbench.core.kit`; `docs/plugins.md` says what each name does.
 
 Importing it imports neither a simulator nor what takes time to compile: modules with compiled functions are imported
 when they are first asked for.

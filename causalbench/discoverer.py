@@ -1,4 +1,4 @@
-"""All that an author of a discoverer imports; `examples/a_discoverer` is a worked example."""
+"""An author of a discoverer imports this module alone. `examples/a_discoverer` is a worked example."""
 
 from causalbench.core.discovery.graph import EvidenceColumn, StageGraph
 from causalbench.core.discovery.registry import SAMPLE_SETS, Discoverer, SampleSet, StageProblem

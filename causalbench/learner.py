@@ -1,4 +1,4 @@
-"""All that an author of a learner imports; `examples/a_learner` is a worked example.
+"""An author of a learner imports this module alone. `examples/a_learner` is a worked example.
 
 Importing it imports no torch: what needs it is imported when it is first asked for.
 """

@@ -1,4 +1,4 @@
-"""All that an author of a method imports: a row of the method table names a learner and says how it is used."""
+"""An author of a method imports this module alone. A `Method` names a learner and says how it is used."""
 
 from causalbench.core.learners.methods import Control, Method
 from causalbench.errors import UserError

@@ -22,14 +22,19 @@ def make_env(
     features: bool = True,
     **backend_options: Any,
 ) -> StageTaskEnv:
-    """A task in one new world of a backend; `backend_options` go to the backend's `make`, or the task's for it.
+    """Make a Gymnasium environment of `task` in one new world of `backend`.
 
-    Without a `backend` it is "kinematic", or the first that a task over Gymnasium environments names.
-    `observe="sectors"` adds the LiDAR's sectors, `observe="paper"` what the paper's agents see beside the state, and
-    `features=False` leaves out the task's features, see `core.staged.observation.Observer`.
+    - `backend`: by default "kinematic", or the first that a task over Gymnasium environments names.
+    - `render_mode`: "rgb_array" or None.
+    - `observe_gripper`: whether the opening of the gripper is observed, in tasks that observe it.
+    - `observe`: "state", "sectors", which adds 20 numbers of the LiDAR, or "paper", which adds the paper's image or
+      LiDAR scan.
+    - `features`: whether the features of the task are observed.
+    - `backend_options`: keyword arguments of the backend's `make`, or of the function of a task over Gymnasium
+      environments.
 
-    Raises `UnknownNameError` for a task or backend that does not exist, `BackendLoadError` for one that lacks its
-    simulator and `UserError` for one that cannot run the task.
+    Raises `UnknownNameError` for a task or a backend that does not exist, `BackendLoadError` for a backend without its
+    simulator, and `UserError` for a backend that cannot run the task.
     """
     from causalbench.core.staged.env import StageTaskEnv
     from causalbench.plugins.manager import installed

@@ -31,16 +31,18 @@ def run_suite(
     jobs: int | None = None,
     executor: Literal["processes", "serial"] = "processes",
 ) -> Results:
-    """Run a tier of a suite, or what is missing of it, and return the tables of its run folder as pandas frames.
+    """Run the missing cells of a tier of a suite, and return the tables of its run folder as pandas frames.
 
-    `suite` is a file or the name of one that comes along, such as "pure_manip". The run folder is `out`, by default
-    `runs/<suite>-<tier>` in the working directory; the same call goes on where an earlier one was stopped, and the
-    command `causalbench run` can, too. `seeds` replaces the tier's number, `only` keeps some cells
-    (`["backend=kinematic,seed=0"]`). By default each cell has a process of its own, `jobs` at a time (None: one per
-    core); "serial" works on them one after the other in this process.
+    - `suite` is a suite file, or the name of a suite that comes along, such as "pure_manip".
+    - `out` is the run folder, by default `runs/<suite>-<tier>` in the working directory. If an earlier call was
+      stopped, the same call continues, and so does the command `causalbench run`.
+    - `seeds` replaces the number of seeds of the tier.
+    - `only` keeps some of the cells: `["backend=kinematic,seed=0"]`.
+    - `executor` is "processes", with a process for each cell and `jobs` at a time (None: one per core), or "serial",
+      which runs the cells one after the other in this process.
 
-    Raises `UserError` for a mistake in the suite or the arguments, before anything runs, and `UnfinishedRunError`, at
-    the end, where a cell failed or was skipped: `load_results(out)` then has what the others say.
+    Raises `UserError` for a mistake in the suite or the arguments, before anything runs. Raises `UnfinishedRunError` at
+    the end if a cell failed or was skipped; `load_results(out)` then has the results of the others.
     """
     use_one_thread_each()
     plan, folder, file = planned(suite, tier, out, seeds, only)

@@ -1,4 +1,4 @@
-"""All that an author of a task imports; `examples/a_task` is a worked example."""
+"""An author of a task imports this module alone. `examples/a_task` is a worked example."""
 
 from causalbench.core.numerics import rotations
 from causalbench.core.tasks import pure_manipulation

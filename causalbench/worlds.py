@@ -1,4 +1,4 @@
-"""Worlds with a planted causal graph, for whoever has a method of causal discovery: `docs/how-to/planted_worlds.md`."""
+"""Worlds with a known causal graph, on which a method of causal discovery is tested: docs/how-to/planted_worlds.md."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ __all__ = [
 
 
 def discover(world: PlantedWorld, settings: DiscoverySettings, seed: int = 0) -> CausalGraph:
-    """The causal graph that a registered discoverer finds in `world`, by the way that every task goes.
+    """Return the causal graph that the registered discoverer `settings.discoverer` finds in `world`.
 
     Raises `UnknownNameError` for a discoverer that is not installed.
     """

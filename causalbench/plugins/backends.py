@@ -20,7 +20,7 @@ NO_OPTIONS: Mapping[str, Any] = {}
 
 @dataclass(frozen=True)
 class Variant:
-    """One robot of a backend: the scenes that `make(**options)` returns have `robot` and `capabilities` in their spec.
+    """One robot of a backend. The scenes that `make(**options)` returns have `robot` and `capabilities` in their spec.
 
     The backend's first variant has no options: it is what `make()` returns.
     """
@@ -32,7 +32,7 @@ class Variant:
 
 @dataclass(frozen=True)
 class Backend:
-    """What `causalbench_backends` registers. Raises `UserError` for variants that `make` cannot make.
+    """A backend, as a plugin registers it. Raises `UserError` for variants that `make` cannot make.
 
     - `make(**options)` imports the simulator and returns a new scene; None where there are no scenes, since the tasks
       of this backend bring their environments along;

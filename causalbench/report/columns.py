@@ -321,9 +321,11 @@ FURTHER = {
 PAGE = """\
 # Tables
 
-Made by `python docs/reference/make.py` from [columns.py](../../causalbench/report/columns.py). A name means the
-same in every file; an empty cell is a missing value. `causalbench.load_results(folder)` gives the files of a run as
-pandas frames with these dtypes.
+Made by `python docs/reference/make.py` from [columns.py](../../causalbench/report/columns.py).
+
+This page says what every column of every CSV file of a run means. A name has the same meaning in all files. An
+empty cell is a missing value. `causalbench.load_results(folder)` returns the files of a run as pandas frames with
+these dtypes.
 """
 
 

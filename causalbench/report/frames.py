@@ -40,9 +40,10 @@ class Results:
 
 
 def load_results(folder: str | PathLike[str]) -> Results:
-    """What the finished cells of the run in `folder` say, as they lie there now, each file checked against its digest.
+    """Read the tables of the run in `folder` as pandas frames. Each file is checked against its SHA-256.
 
-    A missing value is `pandas.NA`. Raises `RunFolderError` for a folder without cells, and names what is damaged.
+    Only finished cells are in them. A missing value is `pandas.NA`. Raises `RunFolderError` for a folder without cells
+    and for damaged files, which it names.
     """
     run = RunFolder(Path(folder))
     if problems := run.problems():

@@ -138,9 +138,10 @@ def settings() -> str:
 
 
 _SETTINGS = """\
-What may stand in a suite file ([how to write one](../how-to/suite.md)). First the file and its parts, then the
-sections `evaluation`, `learner` and `discovery`, one table for each learner and discoverer that comes along; a
-plugin's own are in its documentation. From Python the same names are arguments of `EvaluationSettings`,
+This page lists every key of a suite file with its type, default and meaning ([how to write a
+suite](../how-to/suite.md)). The first tables are about the file and its parts. Then follow the sections
+`evaluation`, `learner` and `discovery`, with one table for each learner and discoverer that comes along. The
+settings of a plugin are in its own documentation. In Python the same names are arguments of `EvaluationSettings`,
 `SACSettings`, `PPOSettings` and `DiscoverySettings`.
 """
 
@@ -185,10 +186,16 @@ def _value(kind: Any) -> str:
 
 
 _CLI = """\
-Exit codes: 0, done; 1, some cells failed or were skipped, or a check failed; 2, a mistake in what was asked, named in
-a sentence; 3, a mistake in causalbench or a plugin, with a file that says what led to it; 130, stopped by SIGINT or
-SIGTERM, and the same command goes on. `causalbench --version` prints the version. `CAUSALBENCH_TRACEBACK=1` prints
-tracebacks.
+This page lists every command with its arguments and options. `causalbench COMMAND --help` prints the same.
+`causalbench --version` prints the version. With `CAUSALBENCH_TRACEBACK=1` an error prints its traceback.
+
+| exit code | meaning |
+|---|---|
+| 0 | The command has done what was asked. |
+| 1 | Some cells failed or were skipped, or a check failed. |
+| 2 | The command or a file has a mistake, which is named in a sentence. |
+| 3 | causalbench or a plugin has a mistake. The message names a file with the traceback. |
+| 130 | SIGINT (Ctrl-C) or SIGTERM stopped the command. The same command continues. |
 """
 
 # Python
@@ -242,7 +249,9 @@ def _summary(thing: Any) -> str:
 
 
 _API = """\
-What `import causalbench` offers, and what each kind of author imports. These names stay; all else may change.
+This page lists the public names: first those of `import causalbench`, which run, train and discover, then one
+module for each kind of author (of a backend, a task, a learner, a method, a discoverer), and planted worlds. A
+change of them has a line in the change log. Everything else may change without notice.
 """
 
 # Files
@@ -259,10 +268,11 @@ def files() -> str:
     )
 
 
-_FILES = """\
-What `causalbench run` and `causalbench discover` write below the run folder, by default `runs/<suite>-<tier>/`. The
-columns of each CSV are in [tables](tables.md). Times stand only in `status.json`, `timing.csv`, `environment.json`
-and `log.txt`; every other file of a run that was stopped and continued has the bytes of an uninterrupted one.
+_FILES = """
+This page lists the files that `causalbench run` and `causalbench discover` write into the run folder, which is
+`runs/<suite>-<tier>/` by default. The columns of each CSV file are in [tables](tables.md). Times are only in
+`status.json`, `timing.csv`, `environment.json` and `log.txt`. Every other file of a run that was stopped and
+continued has the same bytes as that of an uninterrupted run.
 """
 
 PAGES: dict[str, Callable[[], str]] = {

@@ -24,7 +24,7 @@ UndecidedAs = Literal["present", "absent"]
 
 @dataclass(frozen=True)
 class EvidenceColumn:
-    """One number that a discoverer decides by, or that explains its decision.
+    """Describes an array of numbers by which a discoverer decides, or which explain its decision.
 
     `unit` may be ""; `sentence` says what the number is. `per` says of what there is one: of an edge, an array
     (n_actions, n_terms); of a term, an array (n_terms,); "stage" stands for an array of any shape, which the graph
@@ -42,7 +42,7 @@ class EvidenceColumn:
 
 @dataclass(frozen=True)
 class StageGraph:
-    """The matrix of one stage and the numbers behind it; rows are actions, columns are reward terms.
+    """The causal matrix of one stage, with actions as rows and reward terms as columns, and the evidence behind it.
 
     `evidence` holds what the discoverer decided by, as `CausalGraph.columns` describes it; it is empty where nothing
     could be decided. A term whose reward never varied is untestable: its column is that of the task's declared graph.
@@ -75,9 +75,11 @@ class StageGraph:
         notes: tuple[str, ...] = (),
         undecided: NDArray[np.bool_] | None = None,
     ) -> StageGraph:
-        """The graph of what was found `present` (n_actions, n_terms); the declared column of terms not `testable`.
+        """Make the graph of a stage from the edges that are `present`, bool (n_actions, n_terms).
 
-        An edge that is `undecided` (n_actions, n_terms) may not be present, too.
+        A term that is not `testable`, bool (n_terms,), gets its column from the task's manual graph. `evidence` holds
+        the arrays that the discoverer describes. An edge that is `undecided`, bool (n_actions, n_terms), must not be
+        present.
         """
         terms = task.stage_terms(stage, discoverable_only=True)
         matrix = np.where(testable, present, declared_matrix(task, stage, terms))
@@ -122,7 +124,7 @@ class StageGraph:
 
 @dataclass(frozen=True)
 class CausalGraph:
-    """One `StageGraph` per stage. `provenance` holds settings, seed, data hash and versions.
+    """A causal graph: one `StageGraph` per stage. `provenance` holds settings, seed, data hash and versions.
 
     `columns` describes the evidence of the stages, in the order of tables.
     `env_steps` counts every environment step that discovery took; 0 for a declared graph. `oracle` is empty, or how the

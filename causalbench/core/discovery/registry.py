@@ -32,7 +32,7 @@ SAMPLE_SETS: frozenset[SampleSet] = frozenset(get_args(SampleSet))
 
 
 class StageProblem(Protocol):
-    """One stage of a task as a discoverer meets it. What it asks for is made then, and its control steps are counted.
+    """One stage of a task, as a discoverer gets it. Samples and worlds are made on request, and their steps count.
 
     `seed` is the whole discovery's: derive generators from [seed, stage, a number of your own].
     """
@@ -89,7 +89,7 @@ class StageProblem(Protocol):
 
 @dataclass(frozen=True)
 class Discoverer:
-    """What `causalbench_discoverers` registers.
+    """A discoverer, as a plugin registers it through `causalbench_discoverers`.
 
     `discover_stage` returns the graph of one stage; it raises `UndecidedStageError` when the data do not allow one. It
     imports heavy libraries when called, never before. `about` is a line for people. `settings` is a frozen dataclass,

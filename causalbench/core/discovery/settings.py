@@ -17,24 +17,24 @@ class NoSettings:
 
 @dataclass(frozen=True)
 class DiscoverySettings:
-    """Which discoverer, on how much data of what kind. The defaults are ours, `PRESETS["paper"]` the paper's.
+    """Which discoverer finds the graph, and from which data. The presets `paper` and `paper_large` are the paper's.
 
-    `options` is the record that the discoverer registered as its `settings`; None stands for that record's defaults.
+    `options` is the record of the discoverer's own settings; None stands for its defaults.
     """
 
-    discoverer: str = "kl"  # name of a registered method; "kl" is the paper's
+    discoverer: str = "kl"  # name of a registered discoverer; "kl" is the paper's
     training_count: Annotated[int, Gt(0)] = 3_000  # samples in D_random and in each D_do[a_k], per stage
     inference_fraction: Annotated[float, Gt(0)] = 0.2  # size of D_inference relative to training_count
-    sequence_length: Annotated[int, Gt(0)] = 10  # actions until the stage is entered anew; no function of sample count
+    sequence_length: Annotated[int, Gt(0)] = 10  # actions until the stage is entered again
     action_repeat: Annotated[int, Gt(0)] = 1  # control steps for which an action is held; each one counts
-    # What reward models see, too: "sectors" of the LiDAR, "paper": the image or the LiDAR through convolutions.
+    # What reward models see beside the state: "sectors" of the LiDAR; "paper": image or LiDAR, through convolutions.
     observation: Literal["state", "sectors", "paper"] = "state"
-    features: bool = True  # reward models see the task's features, too, see `StageTask.features`
-    n_placebos: Annotated[int, Ge(0)] = 8  # action dimensions that no world sees, probed like actions; 0: literal
-    # Whether D_do[a_k] has a_k = 0 in a random half of its steps, or, as the paper's, throughout each sequence.
+    features: bool = True  # whether reward models see the task's features beside the state
+    n_placebos: Annotated[int, Ge(0)] = 8  # action dimensions that no world reads, tested like actions
+    # In D_do[a_k], a_k is 0 in a random half of the steps or, as in the paper, in all steps of a sequence.
     intervene: Literal["step", "sequence"] = "step"
-    undecided: UndecidedAs = "present"  # what a learner takes an edge for that discovery could not decide
-    oracle_states: Annotated[int, Ge(0)] = 0  # visited states per stage by which an oracle grades the graph; 0: none
+    undecided: UndecidedAs = "present"  # what an undecided edge is for a learner
+    oracle_states: Annotated[int, Ge(0)] = 0  # states per stage with which an oracle grades the graph; 0: none
     options: Any = None  # the discoverer's own record; None: its defaults
 
 

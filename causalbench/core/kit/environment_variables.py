@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def variable_by_default(name: str, value: str) -> Iterator[None]:
-    """The environment variable `name` is `value` meanwhile, unless the user has set it."""
+    """A context in which the environment variable `name` is `value`, unless the user has set it."""
     if name in os.environ:
         yield
         return

@@ -23,7 +23,7 @@ from causalbench.errors import UserError
 
 @dataclass(frozen=True)
 class StagePlan:
-    """What one stage's agent is built from.
+    """What the agent of one stage sets and learns.
 
     `actions` are indices into the task's actions, the rest is executed as 0; critic c learns the summed reward of
     the terms where `reward_groups[c]` is true; action k climbs critic c where `mask[k, c]` is true; the entropy
@@ -63,7 +63,7 @@ def stage_plan(
     critics: CriticLayout = "rows",
     full_stages: Collection[int] = (),
 ) -> StagePlan:
-    """The plan of `method` for one stage (1-based); `graph` may be None for methods without a matrix.
+    """Return the plan of `method` for `stage`, from 1; `graph` may be None for methods without a matrix.
 
     In `full_stages` a method with a matrix acts and learns as one without: all actions, scalar gradient. Raises
     `UserError` for such stages of a method that has no matrix, and for stages that the task does not have.

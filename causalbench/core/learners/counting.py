@@ -15,7 +15,7 @@ LONG = 3  # steps that a reversal lasts to count as long
 
 
 class Counter:
-    """Feeds on the `infos` of `StageTaskVectorEnv`."""
+    """Counts steps, moves between stages, reversals and episodes of training, from `infos` of `StageTaskVectorEnv`."""
 
     def __init__(self, n_stages: int, n_envs: int) -> None:
         self.counts = TrainingCounts(

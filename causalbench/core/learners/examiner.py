@@ -18,7 +18,7 @@ MOST_WORLDS = 50
 
 
 class Examiner:
-    """Tells how far a training run is and evaluates its policy whenever that is due; close it at the end.
+    """Reports how far a training is, and evaluates its policy when this is due. Close it at the end.
 
     Deterministic episodes are played together where worlds step as one, and not again while no weight has changed.
     Before the last evaluation the success of sampled actions is that of the training episodes since the one before.

@@ -16,7 +16,7 @@ from causalbench.errors import DivergedError
 
 
 class StagedLearner(Protocol):
-    """Agents of all stages and the routing between them."""
+    """What `train_staged` asks of a learner, which holds the agents of all stages and gives each step to one."""
 
     policy: StagedPolicy
     """Shares its weights with the agents, so that it is always the newest."""

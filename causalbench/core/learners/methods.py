@@ -14,7 +14,7 @@ Control = Literal["none", "shuffled", "redrawn", "plus1", "plus2", "other"]
 
 @dataclass(frozen=True)
 class Method:
-    """One row of the table.
+    """A method: a learner with an action space, a gradient and a causal matrix.
 
     `learner`: the name of the registered learner that trains it;
     `action_space`: "causal" builds each stage's policy from its causal actions only (paper, eq. CausalActions);

@@ -35,10 +35,10 @@ Distribution = Literal["squashed", "gaussian"]
 
 @dataclass(frozen=True)
 class ObservationScale:
-    """Declared bounds to [-1, 1]: `state` (n_state,) low and high, gripper opening [0, max] where it is observed.
+    """Makes network inputs of observations: `state` and the gripper's opening are scaled to [-1, 1] by their bounds.
 
-    Beside them, as they are, `features` of the task by name, `sectors` of the LiDAR, how many, and `sensor`, which
-    `Encoder` scales; "" for none.
+    `low` and `high` are these bounds. `features` are the names of the task's features and `sectors` the number of the
+    LiDAR's sectors, which stay as they are. `Encoder` scales `sensor`; "" stands for none.
     """
 
     low: tuple[float, ...]
@@ -77,7 +77,7 @@ class ObservationScale:
 
 
 class StagedPolicy:
-    """One actor per stage; observations route themselves by their `stage`."""
+    """A policy with one actor per stage. The entry `stage` of an observation says which actor acts."""
 
     def __init__(
         self,
@@ -150,7 +150,7 @@ class StagedPolicy:
 
 
 def load_policy(folder: Path | str) -> StagedPolicy:
-    """The policy saved in `folder`.
+    """Load the policy that is saved in `folder`, such as the folder `policy` of a cell.
 
     Raises `UserError` when there is none, when another version wrote it, and when it is not what was saved.
     """

@@ -47,7 +47,7 @@ class Episode:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Outcome of evaluating a policy on full task episodes from stage 1.
+    """The outcome of an evaluation of a policy on full task episodes from stage 1.
 
     Success is a share in [0, 1]; `reversals_per_episode`, `mean_final_stage` (success counts as n_stages + 1) and
     `term_returns` (mean undiscounted return of each reward term per episode) are of the deterministic episodes.
@@ -77,9 +77,10 @@ class Evaluation:
 
 @dataclass
 class TrainingCounts:
-    """What happened during training. `transitions[i, j]` counts env steps from stage i to j (row, column 0 unused).
+    """Counts of a training. `transitions[i, j]` is the number of steps from stage i to j; row and column 0 are unused.
 
-    `long_reversals` are those that last at least 3 steps: a memoryless tolerance edge chatters.
+    `long_reversals` are those that last at least 3 steps, because a state at the edge of a tolerance can change its
+    stage in every step.
     """
 
     transitions: NDArray[np.int64]

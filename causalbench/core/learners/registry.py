@@ -34,7 +34,7 @@ OnProgress = Callable[[float, str], None]
 
 
 class Policy(Protocol):
-    """What training ends with: `predict` has stable-baselines3's signature."""
+    """A trained policy, whose `predict` has stable-baselines3's signature."""
 
     def predict(
         self,
@@ -58,7 +58,7 @@ class Trained(NamedTuple):
 
 @dataclass(frozen=True)
 class TrainingProblem:
-    """All that a learner gets to train with.
+    """Everything that a learner gets for a training.
 
     `graph` is the causal graph that the method trains with, None for a method without one. `settings` is the learner's
     own record. Training takes `env_steps` control steps of all worlds together and is deterministic in `seed`.
@@ -97,7 +97,7 @@ class TrainingProblem:
 
 @dataclass(frozen=True)
 class Learner:
-    """What `causalbench_learners` registers.
+    """A learner, as a plugin registers it through `causalbench_learners`.
 
     `settings` is a frozen dataclass whose fields, all with defaults, are the keys of a suite's `learner` section;
     bounds are annotated (`Annotated[int, Gt(0)]`, of annotated-types). `presets` are named instances of it, and `about`

@@ -17,15 +17,15 @@ ScalarName = Literal["shaped", "paper", "first_entry"]
 
 @dataclass(frozen=True)
 class StagedSettings:
-    """What the staged loop reads of a learner's settings; the record of a learner that trains in it inherits these."""
+    """The settings that `train_staged` reads; the settings of a learner that uses it inherit these."""
 
-    n_envs: Annotated[int, Gt(0)] = 1  # scenes stepped by one learner
-    observe_gripper: bool = True  # ours; the paper's observation has no gripper opening
-    # "sectors": how near something is in each sector of the LiDAR, too; "paper": image or LiDAR through convolutions.
+    n_envs: Annotated[int, Gt(0)] = 1  # worlds that step together in one training
+    observe_gripper: bool = True  # adds the opening of the gripper, which the paper does not observe
+    # "sectors" adds 20 numbers of the LiDAR; "paper" adds the image or the LiDAR, through convolutions.
     observation: Literal["state", "sectors", "paper"] = "state"
-    features: bool = True  # ours; what the task computes from the state, `StageTask.features`
-    bonus: Literal["every_entry", "first_entry"] = "every_entry"  # what a step into a later stage pays it for
-    full_stages: tuple[Annotated[int, Gt(0)], ...] = ()  # where a method with a graph acts and learns without it
+    features: bool = True  # adds the task's features, which the paper does not observe
+    bonus: Literal["every_entry", "first_entry"] = "every_entry"  # which steps into a later stage pay it
+    full_stages: tuple[Annotated[int, Gt(0)], ...] = ()  # stages in which a method ignores its graph
 
 
 OBSERVED: Mapping[str, Any] = {"observe_gripper": True, "observation": "state", "features": True}
@@ -43,17 +43,17 @@ FIRST_START = 2_000_000
 
 @dataclass(frozen=True)
 class EvaluationSettings:
-    """When and how a learner is evaluated: full task episodes from stage 1, the same starts for every method and seed.
+    """When and how a learner is evaluated: in full task episodes from stage 1, with the same starts for all methods.
 
-    Start i of an evaluation is drawn with the seed `first_start` + i. A training run that `stop_after` ends gets its
-    final evaluation then, and its success curve goes on at what that says.
+    Start i of an evaluation is drawn with the seed `first_start` + i. If `stop_after` ends a training, the final
+    evaluation is made at once, and the rest of the success curve has its value.
     """
 
-    every: Annotated[int, Gt(0)] = 2_000  # env steps between evaluations
-    episodes: Annotated[int, Gt(0)] = 20  # per evaluation, deterministic
-    final_episodes: Annotated[int, Gt(0)] = 50  # after the last step, deterministic and sampled each
-    stop_after: Annotated[int, Ge(0)] = 0  # evaluations in a row without a failure that end training; 0: none do
-    first_start: Annotated[int, Ge(0)] = FIRST_START  # searches and tuning take others than what is reported
+    every: Annotated[int, Gt(0)] = 2_000  # environment steps between evaluations
+    episodes: Annotated[int, Gt(0)] = 20  # in each evaluation, with the deterministic policy
+    final_episodes: Annotated[int, Gt(0)] = 50  # after the last step, with each of both policies
+    stop_after: Annotated[int, Ge(0)] = 0  # ends training after so many evaluations without a failure; 0: never
+    first_start: Annotated[int, Ge(0)] = FIRST_START  # seed of the first start; tuning should take others
 
     def episodes_due(self, before: int, taken: int, env_steps: int) -> int:
         """Episodes of the evaluation that the steps from `before` to `taken` of `env_steps` make due; 0 if none."""

@@ -100,9 +100,10 @@ class StageTaskEnv(gym.Env[Observation, NDArray[np.float32]]):
 class VectorReward(
     gym.Wrapper[Observation, NDArray[np.float32], Observation, NDArray[np.float32]], gym.utils.RecordConstructorArgs
 ):
-    """Returns the reward vector from `step`, so that MO-Gymnasium wrappers and morl-baselines run as they are.
+    """A wrapper whose `step` returns the reward vector, as MO-Gymnasium's wrappers and morl-baselines expect it.
 
-    `reward_space` is that of the environment, in float32; `gymnasium.make(wrapped.spec)` makes it again.
+    The vector is float32 (n_terms,), with the names `reward_names`. `reward_space` is its space.
+    `gymnasium.make(wrapped.spec)` makes the wrapped environment again.
     """
 
     def __init__(self, env: gym.Env[Observation, NDArray[np.float32]]) -> None:

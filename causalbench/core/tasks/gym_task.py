@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 
 class Seen(NamedTuple):
-    """What an environment gave after a step or a reset.
+    """What a Gymnasium environment returned after a step or a reset.
 
     `reward` is what the step paid, summed where an action is held; 0 after a reset and in what was seen before a step.
     """
@@ -34,8 +34,8 @@ class Seen(NamedTuple):
 class GymTask(StageTask):
     """A staged task over a Gymnasium environment whose action space is a Box about 0, one dimension per action.
 
-    Actions are in [-1, 1] and scaled to that box, so that 0 means "not executed". Time limits of the environment's own
-    are taken off: the clock is `horizon`. One that ends by itself ends the episode.
+    Actions are in [-1, 1] and scaled to that box, so that 0 means "not executed". The environment's own time limits are
+    removed, and `horizon` is the clock. An environment that ends by itself ends the episode.
 
     - `environments`: name of a backend -> function that makes a new environment there; a suite's `options` of that
       backend are its keyword arguments. With `render_mode="rgb_array"` people see pictures of it;

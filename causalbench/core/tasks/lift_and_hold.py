@@ -22,9 +22,9 @@ C = Constants()
 
 
 def lift_and_hold(scene: Scene) -> bool:
-    """Lift the held object with armz, then idle, the grip action being 0 throughout.
+    """Lift the held object with armz, then idle, with grip at 0, and return whether the object stays in the hand.
 
-    True if the object's centre has risen by more than `C.min_rise` at the end of the lift and stays so.
+    This is true if the object's centre has risen by more than `C.min_rise` at the end of the lift and stays so.
     """
     action = np.zeros(len(scene.spec.actions))
     start = float(scene.facts().object_position[2])

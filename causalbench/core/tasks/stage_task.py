@@ -19,7 +19,7 @@ FEATURE_BOUND = 5.0
 
 
 def causal_sets(rows: Mapping[int, Mapping[str, str]]) -> CausalSets:
-    """stage -> term -> actions in one string."""
+    """Make causal sets of rows in which the actions are one string: `{1: {"r_eefx": "armx army"}}`."""
     return {stage: {term: frozenset(actions.split()) for term, actions in row.items()} for stage, row in rows.items()}
 
 
@@ -29,7 +29,7 @@ def base_name(name: str) -> str:
 
 
 def by_name(record: Any) -> dict[str, Any]:
-    """The fields of a named tuple by name, those of named tuples within it likewise: data for `StageTask.constants`."""
+    """Return the fields of a named tuple as a dict, also of those within it: data for `StageTask.constants`."""
     fields: dict[str, Any] = record._asdict()
     return {name: by_name(value) if hasattr(value, "_asdict") else value for name, value in fields.items()}
 
@@ -50,12 +50,12 @@ class Term:
 
 @dataclass(frozen=True, kw_only=True)
 class StageTask:
-    """A staged task as data, whatever it is played in. Stages are numbered from 1, as in the paper.
+    """The data that every staged task has. `Task` and `GymTask` add functions. Stages are numbered from 1.
 
     - `constants`: every number that can change a result, by name, of any type that JSON has; tuples are lists to it;
     - `state_names`: the variables that policies observe;
     - `horizon`: control steps of an episode;
-    - `manual_graph`: the human's causal graph; may be empty or name some stages and terms only;
+    - `manual_graph`: the causal graph that a human wrote down; may be empty or name some stages and terms only;
     - `paper_sensor`: what the paper's agents observe beside the state, a capability of the world; "" for nothing;
     - `potential(state, stage)`: how far along the task is, (...) from 0 up, from the observed state (..., n_state) and
       U(s) (...), from 1; None where there is none. It stands for the terms of `potential_terms` where a learner climbs

@@ -12,7 +12,7 @@ from causalbench.core.tasks.stage_task import Term
 
 
 def active_terms(terms: tuple[Term, ...], n_stages: int) -> NDArray[np.bool_]:
-    """Table (n_stages + 1, n_terms): row i says which terms belong to stage i; row 0 is unused."""
+    """Return a table, bool (n_stages + 1, n_terms). Row i says which terms belong to stage i; row 0 is unused."""
     table = np.zeros((n_stages + 1, len(terms)), dtype=bool)
     for column, term in enumerate(terms):
         table[list(term.stages), column] = True
@@ -22,7 +22,7 @@ def active_terms(terms: tuple[Term, ...], n_stages: int) -> NDArray[np.bool_]:
 def staged_potential(
     stage: NDArray[np.int64], left: Sequence[NDArray[Any]], most: Sequence[float], bonus: float
 ) -> NDArray[np.float64]:
-    """A `StageTask.potential` (...): what the terms would have paid on the way from the farthest state of every stage.
+    """Return a potential (...) for `StageTask.potential`, from what the terms of each stage would still pay.
 
     `left` has for each stage an array (...) of what its progress terms would still pay until its end, and `most` what
     they pay at most; further away the potential of the stage is 0. A later stage adds `bonus` and all of the stages

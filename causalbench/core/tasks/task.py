@@ -24,7 +24,7 @@ OBSERVABLE = frozenset({"gripper", "lidar"})
 
 
 class Expert(Protocol):
-    """The scripted macro action (..., n_actions) that proves a task solvable.
+    """A scripted policy: it returns the macro action (..., n_actions) that leads on, and proves a task solvable.
 
     `layout` is the map it may plan on, one a world where `facts` are of several; without it, it takes the world for
     empty.
@@ -36,7 +36,7 @@ class Expert(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class Task(StageTask):
-    """A staged task over scenes. It is closed: what it needs of the world it declares. All functions are pure.
+    """A staged task over scenes. It declares everything that it needs of the world. All functions are pure.
 
     Numbers that differ from start to start, such as the height of the table or a place to put things, `draw_layout`
     names in `Layout.extras`; every other function then finds them in `Facts.extras`.

@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 
 class BatchScene(ABC):
-    """`n` worlds of one spec; as `Scene`, with a leading dimension n on actions and facts."""
+    """`n` worlds of one spec that step together: a `Scene` whose actions and facts have a leading dimension n."""
 
     spec: SceneSpec
     n: int
@@ -120,7 +120,7 @@ def make_batch(make_scene: Callable[[], Scene], n: int) -> BatchScene:
 
 
 class Batchable(ABC):
-    """Mixed into a scene whose backend can step many worlds at once."""
+    """A mixin for the scenes of a backend that can step many worlds at once."""
 
     @abstractmethod
     def batch(self, n: int) -> BatchScene:

@@ -20,7 +20,7 @@ MIDDLE = 0.14  # m of that middle above the table
 
 @dataclass(frozen=True)
 class Camera:
-    """`eye` (3,) and the point `at` (3,) that it looks at, metres in the world; its upper edge points upwards."""
+    """A camera at `eye` (3,) that looks at the point `at` (3,), in m in the world, with its upper edge upwards."""
 
     eye: tuple[float, float, float]
     at: tuple[float, float, float]
@@ -35,7 +35,7 @@ class Camera:
 
 
 def find_camera(spec: SceneSpec, name: str) -> Camera:
-    """The camera `name` of a scene. Raises `UnknownNameError`.
+    """Return the camera `name` of a scene with `spec`. Raises `UnknownNameError` for a name that it does not have.
 
     "scene" looks over the table at hand and box of a robot that stands in the origin and faces world y, as in pure
     manipulation; "room", of robots that drive, down on the whole room.

@@ -6,7 +6,7 @@ from enum import StrEnum
 
 
 class Capability(StrEnum):
-    """A name that a world declares, a task requires and people read; equal to the plain string, as which it prints.
+    """What a world can do beside stepping. A world declares it, and a task may require it. It is a plain string.
 
     A scene declares those of `SCENE_CAPABILITIES`; the others are what staged worlds offer, whatever they are made of.
 

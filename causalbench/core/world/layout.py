@@ -44,7 +44,7 @@ class Workspace:
 
 @dataclass(frozen=True)
 class Box:
-    """A box: half extents (3,) along its own axes, centre (3,) in metres and quaternion (4,) in the world."""
+    """A box: half extents (3,) in m along its own axes; centre (3,) in m and quaternion (w, x, y, z) in the world."""
 
     name: str
     half_extents: Array
@@ -59,7 +59,7 @@ def box_rows(boxes: Iterable[Box]) -> Array:
 
 @dataclass(frozen=True)
 class Layout:
-    """A start, in the world frame. `fixtures` never move; `target` is the free object of the task.
+    """The start of a scene, in the world frame. `fixtures` never move; `target` is the free object of the task.
 
     A target of mass 0 is a mark in space: it neither moves nor touches anything, and no ray meets it. Only scenes with
     the capability `MOBILE_BASE` take one. `others` are further free objects, each with its mass in `other_masses`; only

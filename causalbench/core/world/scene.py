@@ -159,7 +159,7 @@ def lacking(spec: SceneSpec, capability: Capability) -> CausalbenchError:
 
 
 def check_layout(layout: Layout, spec: SceneSpec) -> None:
-    """Raise `CausalbenchError`, in a sentence, for a layout with objects that a scene of `spec` cannot have."""
+    """Raise `CausalbenchError` if `layout` has objects that a scene with `spec` cannot have."""
     if layout.others and Capability.SEVERAL_OBJECTS not in spec.capabilities:
         names = ", ".join(box.name for box in layout.others)
         raise CausalbenchError(
@@ -169,7 +169,7 @@ def check_layout(layout: Layout, spec: SceneSpec) -> None:
 
 
 def check_action(action: Array, shape: tuple[int, ...]) -> Array:
-    """`action` as float64 of `shape`, or an `InvalidActionError` that says what is wrong with it."""
+    """Return `action` as float64 of `shape`. Raises `InvalidActionError`, which says what is wrong with it."""
     try:
         action = np.asarray(action).astype(np.float64, casting="same_kind", copy=False)
     except (TypeError, ValueError) as error:

@@ -57,9 +57,10 @@ class Fact:
 def write_report(folder: str | PathLike[str], out: str | PathLike[str] | None = None) -> Path:
     """Write `report.html` into the run folder `folder`, with figures/, leaderboard.md and leaderboard.tex beside it.
 
-    The tables of the folder are made anew from its cells, which may have been copied there from several machines. With
-    `out` the page alone is written, there. What is read is the folder: no torch, no simulator, no network. Returns
-    the path of the page. Raises `RunFolderError` for a folder without cells, `UserError` where it cannot write.
+    The tables of the folder are made again from its cells, which may have been copied there from several machines. With
+    `out` only the page is written, to this path. It needs the folder alone: no torch, no simulator, no network.
+    Returns the path of the page. Raises `RunFolderError` for a folder without cells, and `UserError` if the page cannot
+    be written.
     """
     source = read_source(Path(folder))
     path = Path(out) if out else source.run.path / REPORT

@@ -29,7 +29,7 @@ class PlantedSamples(NamedTuple):
 
 
 def samples(world: PlantedWorld, n: int, stage: int = 1, seed: int = 0) -> PlantedSamples:
-    """`n` steps of random actions in `stage` (from 1), in sequences of at most ten steps that never leave it."""
+    """Return `n` steps of random actions in `stage`, from 1, in sequences of at most ten steps that never leave it."""
     rng = np.random.default_rng([seed, stage])
     count = -(-n // SEQUENCE_LENGTH)
     worlds = PlantedWorlds(world, (count,))
@@ -48,7 +48,9 @@ def samples(world: PlantedWorld, n: int, stage: int = 1, seed: int = 0) -> Plant
 
 
 def effects(world: PlantedWorld, stage: int, action_repeat: int = 1) -> Array:
-    """(n_actions, n_terms) T = E[(r(s, a) - r(s, a with a_k = 0))^2] / Var(r), actions held for `action_repeat` steps.
+    """Return the effects (n_actions, n_terms), T = E[(r(s, a) - r(s, a with a_k = 0))^2] / Var(r).
+
+    Actions are held for `action_repeat` steps.
 
     In closed form where there is one: one step and plain terms. Else from 80,000 states; 0 for a term that never
     varies. The noise is the same in both; what restoring draws anew counts in the variance alone.
@@ -96,7 +98,7 @@ def _enter(worlds: PlantedWorlds, which: NDArray[np.bool_], rng: np.random.Gener
 
 
 def score(world: PlantedWorld, matrices: Sequence[NDArray[np.bool_]]) -> Score:
-    """How right `matrices` (n_actions, n_terms), one per stage, are about which actions the formulas read."""
+    """Compare `matrices` (n_actions, n_terms), one per stage, with the actions that the formulas read."""
     total = Score(0, 0, 0)
     for stage, matrix in enumerate(matrices, start=1):
         truth, found = world.causes(stage), np.asarray(matrix, dtype=bool)
@@ -112,7 +114,7 @@ class Ranking(NamedTuple):
 
 
 def ranking(causes: NDArray[np.bool_], numbers: Array) -> Ranking:
-    """How well `numbers`, larger for surer edges, tell the edges of `causes`, both of one shape."""
+    """Judge how well `numbers`, larger for surer edges, find the edges of `causes`, both of one shape."""
     truth, values = np.ravel(causes), np.ravel(numbers)
     if truth.all() or not truth.any():
         return Ranking(float("nan"), float("nan"))

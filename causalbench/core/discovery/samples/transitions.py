@@ -18,7 +18,7 @@ ROUNDING = 1e-7
 
 @dataclass(frozen=True)
 class Samples:
-    """Transitions of one stage. `actions` has the task's actions and, last, the placebos that no scene sees."""
+    """Transitions of one stage, one row per step. The last columns of `actions` are placebos, which no world reads."""
 
     states: Floats  # (n, n_inputs): what `Worlds.states` says; names in `StageTask.input_names`
     actions: Floats  # (n, n_actions + n_placebos)
@@ -84,7 +84,7 @@ class Samples:
 
 @dataclass(frozen=True)
 class StageSamples:
-    """All that Algorithm 1 collects in one stage; `interventions[k]` is D_do[a_k], all of one length with `extra`.
+    """All samples of one stage (paper, Algorithm 1). `interventions[k]` is D_do[a_k], as long as `extra`.
 
     `extra` is one more random set, which placebos are drawn into; None without placebos. `notes` says what is unusual
     about them, a sentence each.
@@ -105,7 +105,9 @@ class StageSamples:
 
 
 def varies(rewards: NDArray[np.floating[Any]]) -> NDArray[np.bool_]:
-    """Which columns of `rewards` (n, n_terms) vary by more than rounding; of the others no cause can be found.
+    """Return which columns of `rewards` (n, n_terms) vary by more than rounding, bool (n_terms,).
+
+    No cause can be found of the others.
 
     The one rule of the package, the same in every unit: a deviation above `ROUNDING` of the largest value.
     """

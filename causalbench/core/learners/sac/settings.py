@@ -13,7 +13,7 @@ from causalbench.core.learners.settings import CriticLayout, StagedSettings
 
 @dataclass(frozen=True)
 class SACSettings(StagedSettings):
-    """Settings of `StagedSAC`, per stage agent. The defaults are the quick tier's; `PRESETS["paper"]` the paper's."""
+    """Settings of the learner `SAC`, for the agent of each stage. The preset `paper` has the values of the paper."""
 
     net_arch: tuple[Annotated[int, Gt(0)], ...] = (64, 64)  # units of each hidden layer, of actor and critics
     batch_size: Annotated[int, Gt(0)] = 256  # samples in a gradient step
@@ -22,12 +22,12 @@ class SACSettings(StagedSettings):
     tau: Annotated[float, Gt(0), Le(1)] = 0.005  # soft target update factor
     buffer_size: Annotated[int, Gt(0)] = 10_000  # samples kept per stage
     learning_starts: Annotated[int, Ge(0)] = 500  # random samples per stage before its first update
-    train_every: Annotated[int, Gt(0)] = 32  # new samples of a stage that trigger its training (Algorithm 3, `count`)
+    train_every: Annotated[int, Gt(0)] = 32  # new samples of a stage that start its training (Algorithm 3, `count`)
     updates_per_sample: Annotated[float, Gt(0)] = 0.25  # gradient steps for each new sample
-    ent_coef_init: Annotated[float, Gt(0)] = 0.05  # entropy start; SB3's "auto" starts at 1.0
+    ent_coef_init: Annotated[float, Gt(0)] = 0.05  # entropy coefficient at the start; SB3's "auto" has 1.0
     cooperation_weight: Annotated[float, Ge(0), Le(1)] = 0.3  # share of the next stage's critic in cSAC
-    critics: CriticLayout = "rows"  # a critic per distinct matrix row (heads: of one net) or term
-    engine: Literal["fused", "autograd"] = "fused"  # its losses' gradients: written out, or by autograd
+    critics: CriticLayout = "rows"  # one for each distinct row (`heads`: in one network) or term
+    engine: Literal["fused", "autograd"] = "fused"  # makes the gradients: written out, or by autograd
 
 
 PRESETS: Mapping[str, SACSettings] = {

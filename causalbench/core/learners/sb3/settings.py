@@ -28,12 +28,12 @@ class SB3SACSettings:
     learning_starts: Annotated[int, Ge(0)] = 500  # random samples before the first update
     train_every: Annotated[int, Gt(0)] = 32  # env steps, of all worlds together, between trainings
     updates_per_sample: Annotated[float, Gt(0)] = 0.25  # gradient steps for each new sample
-    ent_coef_init: Annotated[float, Gt(0)] = 0.05  # entropy start; SB3's "auto" starts at 1.0
-    n_envs: Annotated[int, Gt(0)] = 1  # scenes stepped by one agent
-    observe_gripper: bool = True  # ours; the paper's observation has no gripper opening
-    observation: Literal["state", "sectors"] = "state"  # "sectors": those of the LiDAR, too
-    scalar: ScalarName = "shaped"  # what the reward vector becomes; "paper": its sum, which pays for falling back
-    features: bool = True  # ours; what the task computes from the state
+    ent_coef_init: Annotated[float, Gt(0)] = 0.05  # entropy coefficient at the start; SB3's "auto" has 1.0
+    n_envs: Annotated[int, Gt(0)] = 1  # worlds that step together in one training
+    observe_gripper: bool = True  # adds the opening of the gripper, which the paper does not observe
+    observation: Literal["state", "sectors"] = "state"  # "sectors" adds 20 numbers of the LiDAR
+    scalar: ScalarName = "shaped"  # the one reward; "paper": the sum of the terms, which pays for falling back
+    features: bool = True  # adds the task's features, which the paper does not observe
 
 
 @dataclass(frozen=True)
@@ -48,16 +48,16 @@ class SB3PPOSettings:
     gamma: Annotated[float, Gt(0), Le(1)] = 0.99  # discount of a control step
     gae_lambda: Annotated[float, Ge(0), Le(1)] = 0.95  # of generalised advantage estimation
     clip_range: Annotated[float, Gt(0)] = 0.2  # how far a probability ratio may move from 1
-    target_kl: Annotated[float, Gt(0)] = 0.03  # training stops once the policy has moved 1.5 times as far
+    target_kl: Annotated[float, Gt(0)] = 0.03  # an epoch's training stops when the policy moved 1.5 times as far
     ent_coef: Annotated[float, Ge(0)] = 0.0  # weight of the entropy bonus
     vf_coef: Annotated[float, Ge(0)] = 0.5  # weight of the value loss
-    max_grad_norm: Annotated[float, Gt(0)] = 0.5  # gradients are shortened to this length
+    max_grad_norm: Annotated[float, Gt(0)] = 0.5  # longer gradients are shortened to this length
     log_std_init: float = -0.5  # SB3's 0.0 puts a third of all first actions on their bounds
-    n_envs: Annotated[int, Gt(0)] = 1  # scenes stepped by one agent
-    observe_gripper: bool = True  # ours; the paper's observation has no gripper opening
-    observation: Literal["state", "sectors"] = "state"  # "sectors": those of the LiDAR, too
-    scalar: ScalarName = "shaped"  # what the reward vector becomes; "paper": its sum, which pays for falling back
-    features: bool = True  # ours; what the task computes from the state
+    n_envs: Annotated[int, Gt(0)] = 1  # worlds that step together in one training
+    observe_gripper: bool = True  # adds the opening of the gripper, which the paper does not observe
+    observation: Literal["state", "sectors"] = "state"  # "sectors" adds 20 numbers of the LiDAR
+    scalar: ScalarName = "shaped"  # the one reward; "paper": the sum of the terms, which pays for falling back
+    features: bool = True  # adds the task's features, which the paper does not observe
 
 
 OWN = ("scalar",)
