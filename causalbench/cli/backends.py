@@ -27,7 +27,9 @@ def backends() -> None:
 def check(
     backend: Annotated[str | None, typer.Argument(help="Registered name of a backend, such as kinematic.")] = None,
     task: Annotated[str | None, typer.Option(help="Check this task instead of a backend.")] = None,
-    where: Annotated[str | None, typer.Option("--backend", help="Where to play it (default: the task's own).")] = None,
+    where: Annotated[
+        str | None, typer.Option("--backend", help="Backend in which to check the task (default: its own).")
+    ] = None,
     option: BackendOptions = None,
     as_json: AsJson = False,
 ) -> None:
@@ -68,7 +70,7 @@ def new_backend(
     name: Annotated[str, typer.Argument(help="Name to register, such as my_sim.")],
     out: Annotated[Path, typer.Option(help="Where the new folder NAME_backend goes.")] = Path(),
 ) -> None:
-    """Write a plugin that passes `check`, for you to put your simulator into."""
+    """Write a plugin for a simulator of yours: a toy world that passes `check`, to be replaced part by part."""
     from causalbench.scaffold import write_backend
 
     folder = write_backend(name, out)
@@ -79,7 +81,7 @@ def new_task(
     name: Annotated[str, typer.Argument(help="Name to register, such as my_task.")],
     out: Annotated[Path, typer.Option(help="Where the new folder NAME_task goes.")] = Path(),
 ) -> None:
-    """Write a staged task over a Gymnasium environment that passes `check`, for you to put your own into."""
+    """Write a task over a Gymnasium environment of yours: a pendulum that passes `check`, to be replaced."""
     from causalbench.scaffold import write_task
 
     folder = write_task(name, out)
@@ -89,7 +91,7 @@ def new_task(
 
 
 def doctor(jobs: Jobs = None) -> None:
-    """Try every simulator and look for what makes runs fail or crawl; exit code 1 if anything needs mending."""
+    """Try every simulator and look for what makes runs fail or slow; the exit code is 1 if there is anything."""
     from causalbench.cli.terminal_tables import print_finding
     from causalbench.plugins.manager import installed
     from causalbench.run.doctor import examine

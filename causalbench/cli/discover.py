@@ -18,24 +18,30 @@ DEFAULT = DiscoverySettings().discoverer
 
 
 def discover(
-    backend: Annotated[str | None, typer.Option(help="Where to discover (default: the task's own choice).")] = None,
-    task: Annotated[str, typer.Option(help="What for.")] = "pure_manipulation",
-    discoverer: Annotated[str, typer.Option(help="How: one of docs/discovery.md or a plugin's.")] = DEFAULT,
+    backend: Annotated[str | None, typer.Option(help="Backend on which to discover (default: the task's own).")] = None,
+    task: Annotated[str, typer.Option(help="Task whose causal graph is discovered.")] = "pure_manipulation",
+    discoverer: Annotated[str, typer.Option(help="Discoverer: one of docs/discovery.md, or a plugin's.")] = DEFAULT,
     preset: Annotated[str, typer.Option(help="Named settings: quick, paper, paper_large.")] = "quick",
     setting: Annotated[
-        list[str] | None, typer.Option("--set", help="A setting, any discoverer's or its own: name=value (repeatable).")
+        list[str] | None,
+        typer.Option("--set", help="Setting of the discovery or the discoverer: name=value (repeatable)."),
     ] = None,
     option: BackendOptions = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the samples and of the models.")] = 0,
-    oracle: Annotated[bool, typer.Option("--oracle", help="Score it against counterfactuals from snapshots.")] = False,
+    oracle: Annotated[
+        bool, typer.Option("--oracle", help="Grade the graph by interventions on restored states.")
+    ] = False,
     data: Annotated[
-        Path | None, typer.Option(help="Folder `data` of an earlier discovery: use its samples, run no simulator.")
+        Path | None,
+        typer.Option(help="Folder `data` of an earlier discovery, whose samples are used; no simulator runs."),
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Run folder.")] = None,
-    jobs: Annotated[int | None, typer.Option(min=1, help="Processes that collect (default: one per core).")] = None,
+    jobs: Annotated[
+        int | None, typer.Option(min=1, help="Processes that collect samples (default: one per core).")
+    ] = None,
     quiet: Annotated[bool, typer.Option(help="Show no progress.")] = False,
 ) -> None:
-    """Discover the causal graph of a task and print it beside its evidence: a run of one cell."""
+    """Discover the causal graph of a task and print it with its evidence. This is a run of one cell."""
     use_one_thread_each()
     from causalbench.plugins.manager import installed
     from causalbench.plugins.venues import venue_of

@@ -40,7 +40,7 @@ def status(
     run: Annotated[Path, typer.Argument(help="Run folder, also of a run in another process or on another node.")],
     as_json: AsJson = False,
 ) -> None:
-    """Say how far a run is, what is left, what failed and who works on it."""
+    """Say how far a run is, which cells are left or failed, and which process works on it."""
     import dataclasses
 
     from causalbench.cli.terminal_tables import print_problems, print_status
@@ -57,9 +57,9 @@ def status(
 
 def report(
     run: Annotated[Path, typer.Argument(help="Run folder.")],
-    out: Annotated[Path | None, typer.Option(help="Write the page here, and nothing beside it.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Write only the page, to this file.")] = None,
 ) -> None:
-    """Write report.html: one page with everything that a run says, to be opened from disk."""
+    """Write report.html, one page with all results of a run, which a browser opens from disk."""
     from causalbench.cli.terminal_tables import print_problems
     from causalbench.report.html.page import write_report
     from causalbench.store.run_folder import RunFolder
@@ -73,7 +73,7 @@ def play(
     only: Only = None,
     episodes: Annotated[int, typer.Option(min=1, help="Episodes of each policy.")] = 1,
 ) -> None:
-    """Film trained policies of a run: videos/*.mp4 in its folder, which `report` then shows."""
+    """Make films of the trained policies of a run, videos/*.mp4 in its folder; `report` then shows them."""
     from causalbench.cli.terminal_tables import print_problems
     from causalbench.run.play import play
     from causalbench.store.run_folder import RunFolder
@@ -88,10 +88,10 @@ def reversals(
     run: Annotated[Path, typer.Argument(help="Run folder.")],
     only: Only = None,
     episodes: Annotated[
-        int, typer.Option(min=1, help="Episodes of each policy, deterministic and as many sampled.")
+        int, typer.Option(min=1, help="Episodes of each policy: so many deterministic, and so many sampled.")
     ] = 20,
 ) -> None:
-    """Take every step that fell back again without some actions: reversals.csv, which `report` then shows."""
+    """Repeat every reversal without some actions, to see which caused it: reversals.csv; `report` then shows it."""
     from causalbench.run.reversals import account_for_reversals
 
     _say(run, lambda folder: account_for_reversals(folder, only or (), episodes))
@@ -100,9 +100,11 @@ def reversals(
 def transfer(
     run: Annotated[Path, typer.Argument(help="Run folder.")],
     only: Only = None,
-    episodes: Annotated[int, typer.Option(min=1, help="Deterministic episodes, and as many sampled ones.")] = 20,
+    episodes: Annotated[
+        int, typer.Option(min=1, help="Episodes of each policy: so many deterministic, and so many sampled.")
+    ] = 20,
 ) -> None:
-    """Play every policy on the other backends of its run, as it is: transfer.csv, which `report` then shows."""
+    """Play every policy on the other backends of its run: transfer.csv; `report` then shows it."""
     from causalbench.run.transfer import play_elsewhere
 
     _say(run, lambda folder: play_elsewhere(folder, only or (), episodes))
@@ -124,12 +126,12 @@ def _say(run: Path, work: Callable[[RunFolder], Iterator[str]]) -> None:
 def verify(
     run: Annotated[Path, typer.Argument(help="Run folder.")],
     cells: Annotated[int, typer.Option(min=1, help="How many finished cells to run again.")] = 2,
-    seed: Annotated[int, typer.Option(min=0, help="Which ones are drawn.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the random choice of cells.")] = 0,
     jobs: Jobs = None,
     as_json: AsJson = False,
     quiet: Annotated[bool, typer.Option(help="Show no progress.")] = False,
 ) -> None:
-    """Run a few cells of a run again, drawn at random, and say whether they come out the same, bit for bit."""
+    """Run a few random cells of a run again, and say whether the results are the same to the bit."""
     use_one_thread_each()
     import dataclasses
 

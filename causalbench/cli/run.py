@@ -50,10 +50,12 @@ def run(
     executor: Annotated[
         ExecutorOption,
         typer.Option(
-            help="A process per cell, all in this one, or a job per cell on a cluster: docs/how-to/cluster.md."
+            help="A process per cell, all in one process, or a cluster job per cell (docs/how-to/cluster.md)."
         ),
     ] = ExecutorOption.processes,
-    ray_address: Annotated[str | None, typer.Option(help="Of the Ray cluster (default: the one of this node).")] = None,
+    ray_address: Annotated[
+        str | None, typer.Option(help="Address of the Ray cluster (default: this machine's).")
+    ] = None,
     slurm: Annotated[list[str] | None, typer.Option(help="Option of sbatch: name=value (repeatable).")] = None,
     timeout: Annotated[
         float | None,
@@ -64,19 +66,19 @@ def run(
         typer.Option(min=0.001, help="Gigabytes that the processes of a cell may take (default: no limit)."),
     ] = None,
     retry_failed: Annotated[
-        bool, typer.Option(help="Run diverged and timed-out cells again, too; failed ones always are.")
+        bool, typer.Option(help="Also run diverged and timed-out cells again; failed cells always run again.")
     ] = False,
     checkpoint_every: Annotated[
-        int, typer.Option(min=1, help="Environment steps after which a learner keeps what a killed run continues from.")
+        int, typer.Option(min=1, help="Environment steps from one checkpoint of a training to the next.")
     ] = 2_000,
     until_decided: Annotated[
         bool, typer.Option(help="Add seeds until every stated hypothesis is decided or the tier's seeds are used up.")
     ] = False,
-    tensorboard: Annotated[bool, typer.Option(help="Also write each cell's curves for TensorBoard.")] = False,
+    tensorboard: Annotated[bool, typer.Option(help="Also write the curves of each cell for TensorBoard.")] = False,
     as_json: AsJson = False,
     quiet: Annotated[bool, typer.Option(help="Show no progress.")] = False,
 ) -> None:
-    """Run a suite, or what is missing of it, and print the leaderboard."""
+    """Run the missing cells of a suite and print the leaderboard."""
     use_one_thread_each()
     from causalbench.run.cell import Keeping
     from causalbench.run.session import Execution
@@ -109,11 +111,11 @@ def plan(
     out: Out = None,
     jobs: Jobs = None,
     measure: Annotated[
-        bool, typer.Option(help="Try a cell of each kind that has not run for some seconds, to say what it takes.")
+        bool, typer.Option(help="Try a cell of each kind that has not run yet, for some seconds each.")
     ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Show what `run` would do and what that takes, from cells that have run or, with --measure, from trying them."""
+    """Show what `run` would do and how long it takes, from cells that have run or, with --measure, by trying them."""
     use_one_thread_each()
     from causalbench.cli.terminal_tables import print_plan, print_problems
     from causalbench.run.session import estimate_seconds, status_in

@@ -7,6 +7,7 @@ import dataclasses
 import enum
 import inspect
 import io
+import textwrap
 import tokenize
 import types
 import typing
@@ -217,7 +218,8 @@ def api() -> str:
 
 def _signature(name: str, thing: Callable[..., Any]) -> str:
     if dataclasses.is_dataclass(thing):
-        return f"{name}({', '.join(field.name + '=...' for field in dataclasses.fields(thing))})"
+        call = f"{name}({', '.join(field.name + '=...' for field in dataclasses.fields(thing))})"
+        return textwrap.fill(call, 120, subsequent_indent=" " * 4)
     given = inspect.signature(thing)
     lines = [f"    {_plain(parameter)},\n" for parameter in given.parameters.values()]
     returned = "" if given.return_annotation in (None, "None") else f" -> {given.return_annotation}"
