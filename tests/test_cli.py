@@ -16,6 +16,7 @@ import pytest
 
 from causalbench.cli.app import app
 from causalbench.core.learners.methods import METHODS
+from causalbench.plugins.manager import installed
 from causalbench.store.statements import HYPOTHESES, add_statement
 from causalbench.suite.hypotheses import Statement
 
@@ -148,6 +149,17 @@ def test_a_finished_run_again_does_nothing_and_prints_json(cli: Callable, tiny_s
     content = json.loads(done.stdout)
     assert [cell["state"] for cell in content["cells"]] == ["done"] * 3
     assert {row["method"] for row in content["leaderboard"]} == {"cmSAC", "mSAC"}
+
+
+def test_names_lists_all_that_a_suite_may_name(cli: Callable) -> None:
+    found = json.loads(cli("names", "--json").stdout)
+    plugins = installed()
+    for kind in ("task", "method", "learner", "discoverer"):
+        assert {row["name"] for row in found if row["kind"] == kind} == getattr(plugins, f"{kind}s").keys()
+    rows = {row["name"]: row for row in found}
+    assert rows["cmSAC-kl"]["about"] == "SAC, causal actions, factored gradient, matrix: discovered; discoverer: kl"
+    assert rows["stack_cubes"]["package"] == "causalbench_robosuite"
+    assert "cmSAC-kl" in cli("names").stdout
 
 
 def test_backends_lists_a_broken_plugin_with_its_error(call: Callable, install: Callable[[str, str], Path]) -> None:

@@ -12,7 +12,7 @@ from typing import Annotated, NoReturn
 import typer
 
 from causalbench._version import __version__
-from causalbench.cli.backends import backends, check, doctor, new_backend, new_task
+from causalbench.cli.backends import backends, check, doctor, names, new_backend, new_task
 from causalbench.cli.discover import discover
 from causalbench.cli.options import EXIT_FAILED, EXIT_MISTAKE, EXIT_UNEXPECTED
 from causalbench.cli.results import leaderboard, play, report, reversals, status, transfer, verify
@@ -23,7 +23,7 @@ from causalbench.pages import page
 EPILOG = f"Documentation: {page('index.md')}"
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, epilog=EPILOG)
 READERS = (status, leaderboard, report, play, reversals, transfer, verify)
-for command in (run, plan, discover, *READERS, backends, check, new_backend, new_task, doctor):
+for command in (run, plan, discover, *READERS, backends, names, check, new_backend, new_task, doctor):
     app.command()(command)
 
 TRACEBACK = "CAUSALBENCH_TRACEBACK"

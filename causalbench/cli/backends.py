@@ -24,6 +24,18 @@ def backends() -> None:
     print_backends(installed())
 
 
+def names(as_json: AsJson = False) -> None:
+    """List every task, method, learner and discoverer that a suite may name, with the package that it comes from."""
+    from causalbench.cli.name_table import name_rows, print_names
+    from causalbench.plugins.manager import installed
+
+    rows = name_rows(installed())
+    if as_json:
+        print_json(rows)
+    else:
+        print_names(rows)
+
+
 def check(
     backend: Annotated[str | None, typer.Argument(help="Registered name of a backend, such as kinematic.")] = None,
     task: Annotated[str | None, typer.Option(help="Check this task instead of a backend.")] = None,

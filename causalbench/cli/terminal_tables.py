@@ -44,7 +44,7 @@ def print_hypotheses(verdicts: Iterable[Row]) -> None:
     """The verdicts on success areas, a sentence each: what was stated before the run comes first."""
     areas = [row for row in verdicts if row["measure"] == "success_auc"]
     for row in sorted(areas, key=lambda row: -row["stated"]):
-        _print(row["sentence"])
+        print_content(row["sentence"])
 
 
 def print_leaderboard(rows: Sequence[Row]) -> None:
@@ -64,9 +64,11 @@ def print_leaderboard(rows: Sequence[Row]) -> None:
         if row.get("p_better_than_next") is not None:
             cells["verdict"] += f", P(better) {row['p_better_than_next']:.2f}"
         table.add_row(*(escape(cells[key]) for key in columns))
-    _print(table)
+    print_content(table)
     if (most := max((row["sources"] for row in rows), default=0)) > 1:
-        _print(f"These cells were made by {most} versions of the source code: `source` in results.csv says which.")
+        print_content(
+            f"These cells were made by {most} versions of the source code: `source` in results.csv says which."
+        )
 
 
 def _censored(row: Row) -> dict[str, str]:
@@ -83,7 +85,7 @@ def print_known_gaps(runs: Iterable[RunFolder]) -> None:
         for backend, gaps in run.known_gaps().items()
         for number, reason in gaps.items()
     ):
-        _print(line)
+        print_content(line)
 
 
 def print_problems(runs: Iterable[RunFolder]) -> None:
@@ -97,8 +99,8 @@ def print_unfinished(statuses: Mapping[str, Status], folder: Path) -> None:
     """A line for every cell that is not done, then where the files are."""
     for name, status in statuses.items():
         if status.state != "done":
-            _print(f"{name}: {status.state}. {status.reason}")
-    _print(f"Tables and policies: {folder}")
+            print_content(f"{name}: {status.state}. {status.reason}")
+    print_content(f"Tables and policies: {folder}")
 
 
 def print_verdicts(verdicts: Sequence[Verdict], changes: Sequence[str]) -> None:
@@ -107,9 +109,9 @@ def print_verdicts(verdicts: Sequence[Verdict], changes: Sequence[str]) -> None:
     for verdict in verdicts:
         agrees = "yes" if verdict.agrees else "no"
         table.add_row(*map(escape, (verdict.cell, agrees, verdict.result, ", ".join(verdict.differing))))
-    _print(table)
+    print_content(table)
     for change in changes:
-        _print(f"Changed since: {change}")
+        print_content(f"Changed since: {change}")
 
 
 def print_plan(rows: Sequence[Row], folder: Path, jobs: int) -> None:
@@ -121,16 +123,16 @@ def print_plan(rows: Sequence[Row], folder: Path, jobs: int) -> None:
         disk, memory = (_bytes(row[key]) if row[key] else "" for key in ("disk", "memory"))
         steps = "" if row["env_steps"] is None else f"{row['env_steps']:,}"
         table.add_row(row["cell"], row["kind"], row["state"], steps, taken, disk, memory)
-    _print(table)
+    print_content(table)
     left = [row for row in rows if row["state"] not in ("done", "skipped")]
     total = sum(row["env_steps"] or 0 for row in left)
-    _print(f"{len(left)} of {len(rows)} cells to run, {total:,} steps of training beside those of discovery")
+    print_content(f"{len(left)} of {len(rows)} cells to run, {total:,} steps of training beside those of discovery")
     if any(row["seconds"] is None for row in left):
-        _print("No estimate for some cells: no such cell has run in this folder yet; --measure tries them.")
+        print_content("No estimate for some cells: no such cell has run in this folder yet; --measure tries them.")
     else:
         seconds = [row["seconds"] for row in left]
         most = duration(max([sum(seconds) / jobs, *seconds]))
-        _print(f"About {most} left, {jobs} cells at a time{_room(left, jobs)}.")
+        print_content(f"About {most} left, {jobs} cells at a time{_room(left, jobs)}.")
 
 
 def _room(rows: Sequence[Row], jobs: int) -> str:
@@ -149,27 +151,27 @@ def print_status(found: RunStatus) -> None:
     """How a run stands: a line in all, one for each running cell, two for each that ended badly."""
     states = ", ".join(f"{number} {state}" for state, number in found.states.items())
     left = "" if found.left is None else f", about {duration(found.left)} left"
-    _print(f"{found.folder}: {100 * found.fraction:.0f}% of {found.planned} cells ({states}){left}")
+    print_content(f"{found.folder}: {100 * found.fraction:.0f}% of {found.planned} cells ({states}){left}")
     idle = "finished" if set(found.states) == {"done"} else "nobody works on it; `causalbench run` goes on with it"
-    _print(f"  held by {found.holder}" if found.holder else f"  {idle}")
+    print_content(f"  held by {found.holder}" if found.holder else f"  {idle}")
     for cell in found.running:
         rest = "" if cell.left is None or not found.holder else f", {duration(cell.left)} left"
         name = f"{cell.method} on {cell.backend}, seed {cell.seed}"
-        _print(f"  {name}: {100 * cell.fraction:.0f}% {cell.text}{rest}")
+        print_content(f"  {name}: {100 * cell.fraction:.0f}% {cell.text}{rest}")
     for failure in found.failures:
-        _print(f"  {failure.cell} {failure.state}: {failure.reason}")
-        _print(f"    {failure.log}")
+        print_content(f"  {failure.cell} {failure.state}: {failure.reason}")
+        print_content(f"    {failure.log}")
 
 
 def print_graph(graph: CausalGraph, folder: Path) -> None:
     """Per stage the matrix beside the main column of the evidence; a selected action is marked."""
     for stage in graph.stages:
-        _print(_stage_table(graph, stage))
+        print_content(_stage_table(graph, stage))
         for note in stage.notes:
-            _print(f"Stage {stage.stage}: {note}")
+            print_content(f"Stage {stage.stage}: {note}")
     if main := graph.main_column:
-        _print(f"X: selected, ?: undecided; {main.name}: {main.sentence}")
-    _print(f"Causal graph {graph.hash}, {graph.env_steps} environment steps; written to {folder}")
+        print_content(f"X: selected, ?: undecided; {main.name}: {main.sentence}")
+    print_content(f"Causal graph {graph.hash}, {graph.env_steps} environment steps; written to {folder}")
 
 
 def print_oracle(graph: CausalGraph, folder: Path) -> None:
@@ -182,13 +184,13 @@ def print_oracle(graph: CausalGraph, folder: Path) -> None:
             interval = escape(f"[{row['effect_low']:.4f}, {row['effect_high']:.4f}]")
             named = (str(row[key]) for key in ("stage", "term", "action"))
             edges.add_row(*named, f"{row['effect']:.4f}", interval, row["grade"], "X" if row["selected"] else "")
-    _print(edges)
+    print_content(edges)
     scores = Table("stage", "precision", "recall", "F1", "SHD", "F1, weak counted", title="Score on strong edges")
     for row in pd.read_csv(folder / "score.csv").to_dict("records"):
         ratios = [f"{row[key]:.3f}" for key in ("precision", "recall", "f1")]
         scores.add_row(str(row["stage"]), *ratios, str(row["shd"]), f"{row['f1_weak_present']:.3f}")
-    _print(scores)
-    _print(_floor(graph))
+    print_content(scores)
+    print_content(_floor(graph))
 
 
 def _floor(graph: CausalGraph) -> str:
@@ -244,7 +246,7 @@ def print_backends(plugins: Plugins) -> None:
             table.add_row(
                 "-", "", "", "", row.distribution, row.version, "", "", f"could not be loaded: {escape(row.error)}"
             )
-    _print(table)
+    print_content(table)
 
 
 def print_checks(subject: str, results: Iterable[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -257,21 +259,21 @@ def print_checks(subject: str, results: Iterable[dict[str, Any]]) -> list[dict[s
             rows.append(row)
             outcome = f"[{colours[row['outcome']]}]{row['outcome']}[/]"
             table.add_row(row["number"], escape(row["sentence"]), outcome, escape(row["message"]))
-    _print(table)
+    print_content(table)
     counts = {outcome: sum(row["outcome"] == outcome for row in rows) for outcome in colours}
     seconds = sum(row["seconds"] for row in rows)
-    _print(", ".join(f"{outcome}: {count}" for outcome, count in counts.items()) + f" ({seconds:.0f} s)")
+    print_content(", ".join(f"{outcome}: {count}" for outcome, count in counts.items()) + f" ({seconds:.0f} s)")
     for row in rows:
         if row["outcome"] in ("fail", "warning"):
-            _print(f"{row['number']} in full, and what is measured: {row['place']}")
+            print_content(f"{row['number']} in full, and what is measured: {row['place']}")
     return rows
 
 
 def print_finding(finding: Finding) -> None:
     """One line of `doctor`, and one more with advice if something is wrong."""
-    _print(f"{'ok  ' if finding.ok else 'FAIL'}  {finding.subject}: {finding.text}")
+    print_content(f"{'ok  ' if finding.ok else 'FAIL'}  {finding.subject}: {finding.text}")
     if not finding.ok:
-        _print(f"      {finding.advice}")
+        print_content(f"      {finding.advice}")
 
 
 def _text(value: Any) -> str:
@@ -280,7 +282,8 @@ def _text(value: Any) -> str:
     return f"{value:.3f}".rstrip("0").rstrip(".") if isinstance(value, float) else str(value)
 
 
-def _print(content: Table | str) -> None:
+def print_content(content: Table | str) -> None:
+    """Print a table, or a sentence that may hold anything, with what could steer a terminal shown and not obeyed."""
     console = VisibleConsole()
     if not console.is_terminal:
         # A pipe has no width: do not fold what a program or a grep reads.
