@@ -42,12 +42,18 @@ def account_for_reversals(run: RunFolder, only: Sequence[str], episodes: int) ->
 def graph_for(cell: StoredCell, cells: Sequence[StoredCell]) -> CausalGraph:
     """The graph whose causes are meant: what the run discovered where `cell` was trained, else the human's.
 
-    Of several discoveries the one of the cell's own seed is taken, or else that of the lowest seed.
+    Of several discoveries it is the one that the cell learned with; else one by the suite's discoverer before one that
+    a method names for itself, and one of the cell's own seed before that of the lowest seed.
     """
     found = [other for other in cells if other.is_done("discovery") and _place(other) == _place(cell)]
     if not found:
         return manual_graph(installed().task(cell.task))
-    return min(found, key=lambda other: (other.seed != cell.seed, other.seed, other.id)).graph()
+    named = {other.identity["discovery"] for other in cells if other.identity.get("method", {}).get("discoverer")}
+    own = cell.identity.get("discovery")
+    return min(
+        found,
+        key=lambda other: (other.id != own, other.id in named, other.seed != cell.seed, other.seed, other.id),
+    ).graph()
 
 
 def _place(cell: StoredCell) -> tuple[object, object]:
@@ -55,8 +61,8 @@ def _place(cell: StoredCell) -> tuple[object, object]:
 
 
 def _causes(graph: CausalGraph, actions: Sequence[str]) -> Mask:
-    """(n_stages, n_actions): which actions cause a reward of which stage."""
-    return np.array([[name in stage.causal_actions() for name in actions] for stage in graph.stages])
+    """(n_stages, n_actions): which actions a policy on the graph sets in which stage."""
+    return np.array([[name in stage.policy_actions() for name in actions] for stage in graph.stages])
 
 
 def _rows(ready: Trained, env: StageTaskEnv, causes: Mask, episodes: int) -> Iterator[ReversalCauses]:

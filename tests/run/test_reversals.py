@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import dataclasses
 import shutil
 from pathlib import Path
 
 import pytest
+from stored import discovered, finished
 
 import causalbench
+from causalbench.core.discovery.graph import manual_graph
+from causalbench.core.tasks.pure_manipulation import TASK
 from causalbench.errors import RunFolderError
 from causalbench.run.reversals import graph_for
 from causalbench.store.beside import REVERSALS
@@ -44,6 +48,25 @@ def test_the_causes_are_those_that_the_run_discovered_for_the_seed(run: RunFolde
     found = [other for other in cells if other.is_done("discovery")]
     assert graph_for(cell, cells).hash in {other.graph().hash for other in found}
     assert graph_for(cell, [cell]).origin == "manual"
+
+
+def test_of_several_discoverers_it_is_the_methods_own_or_else_the_suites(tmp_path: Path) -> None:
+    run, graphs = RunFolder(tmp_path), {}
+    for discoverer in ("kl", "paired"):
+        for seed in (3, 4):
+            graph = dataclasses.replace(manual_graph(TASK), origin="discovered", env_steps=10 * seed + len(discoverer))
+            cell = discovered(run, graph, seed=seed, settings={"discoverer": discoverer})
+            graphs[discoverer, seed] = (cell.id, graph.hash)
+    named = {"name": "cm-kl", "learner": "SAC", "discoverer": "kl"}
+    for seed in (3, 4):
+        finished(run, seed=seed, method=named, discovery=graphs["kl", seed][0])
+        finished(run, seed=seed, method={"name": "cm", "learner": "SAC"}, discovery=graphs["paired", seed][0])
+    finished(run, seed=4, method={"name": "m", "learner": "SAC"})
+    cells = run.cells()
+    found = {(c.method, c.seed): graph_for(c, cells).hash for c in cells if c.is_done("learner")}
+    assert found["cm-kl", 4] == graphs["kl", 4][1]
+    assert found["cm", 3] == graphs["paired", 3][1]
+    assert found["m", 4] == graphs["paired", 4][1]
 
 
 def test_a_damaged_account_is_named(run: RunFolder) -> None:
