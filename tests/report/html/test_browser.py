@@ -173,3 +173,13 @@ def test_a_film_plays_with_its_ribbon_in_step(opened: Opened) -> None:
     film.locator(".ribbon").click(position={"x": box["width"] / 6, "y": 5})
     opened.page.wait_for_function("document.querySelector('.film output').textContent === 'stage 1 of 3'")
     assert opened.said == []
+
+
+@pytest.mark.parametrize("opened", [{}, PHONE], ids=["wide", "phone"], indirect=True)
+def test_a_link_to_a_section_shows_its_heading_and_not_the_filters_over_it(opened: Opened) -> None:
+    opened.page.locator("nav a[href='#leaderboard']").click()
+    heading = opened.page.locator("#leaderboard h2").first
+    assert heading.evaluate(
+        "head => { const box = head.getBoundingClientRect();"
+        " return head.contains(document.elementFromPoint(box.left + 5, box.top + box.height / 2)); }"
+    )
