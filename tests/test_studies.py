@@ -61,7 +61,9 @@ def test_the_tuning_grid_is_decided_as_the_page_says():
     ]
     chosen = analysis.chosen(grid).set_index("method")["grid_point"]
     page = re.findall(
-        r"^\| (\w+) \| ([\d.]+) \| (-?[\d.]+) \| (?:yes|no) \|", (ROOT / "docs/results/learning.md").read_text(), re.M
+        r"^\| (\w+) \| ([\d.]+) \| (-?[\d.]+) \| (?:yes|no) \|",
+        (ROOT / "docs/results/before_features.md").read_text(),
+        re.M,
     )
     assert len(page) == 7
     for method, rate, value in page:
