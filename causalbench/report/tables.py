@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import pandas as pd
@@ -32,9 +32,14 @@ Table = tuple[Sequence[str], list[Row]]
 def write_tables(run: RunFolder) -> dict[str, Table]:
     """Write every table of `run` from its cells; what was written, by file."""
     found = tables(run.cells(), run.stated())
+    write_found(run, found)
+    return found
+
+
+def write_found(run: RunFolder, found: Mapping[str, Table]) -> None:
+    """Write the tables `found`, by file, into `run`."""
     for file, (columns, rows) in found.items():
         write_rows(run.path / file, columns, rows)
-    return found
 
 
 def tables(cells: Sequence[StoredCell], stated: Sequence[Stated]) -> dict[str, Table]:

@@ -215,7 +215,6 @@ class _Planner:
         location = self._discoverer_location(name, combination)
         if method and named:
             location = ("methods", self.suite.methods.index(method.name))
-            self._named(location, partial(self.plugins.discoverer, named))
             patches.append({"discoverer": named})
         settings = self._named(location, partial(section.resolve, patches))
         self._named(location, partial(self.plugins.discoverer, settings.discoverer))

@@ -181,7 +181,10 @@ class DiscoverySection:
         return name == subject if dot else name not in self.own or name == subject
 
     def resolve(self, patches: Iterable[Patch]) -> DiscoverySettings:
-        """The settings after `patches`. Raises `UserError` for a preset that the chosen discoverer lacks."""
+        """The settings after `patches`.
+
+        Raises `UnknownNameError` for a discoverer that does not exist, `UserError` for a preset that it lacks.
+        """
         shared: dict[str, Any] = {}
         own: dict[str, dict[str, Any]] = {name: {} for name in self.own}
         for patch in patches:
@@ -190,6 +193,8 @@ class DiscoverySection:
                 own[name] |= patch.get(name, {})
         shared = self.shared.parse(shared)
         name = shared.pop("discoverer", DiscoverySettings().discoverer)
+        if name not in self.own:
+            raise UnknownNameError("discoverer", name, self.own)
         options = self.own[name].parse(own[name])
         return self.discoverers[name].configure(shared.pop(PRESET, "quick"), shared, options)
 

@@ -35,7 +35,7 @@ from causalbench.report.html.multiples import Multiples
 from causalbench.report.html.source import Source, read_source
 from causalbench.report.html.wording import count, listed
 from causalbench.report.pastable import leaderboard_md, leaderboard_tex
-from causalbench.report.tables import Table, write_tables
+from causalbench.report.tables import Table, write_found
 from causalbench.store.run_folder import RunFolder
 
 REPORT = "report.html"
@@ -67,7 +67,7 @@ def write_report(folder: str | PathLike[str], out: str | PathLike[str] | None = 
     try:
         write_text(path, render(source))
         if out is None:
-            write_tables(source.run)
+            write_found(source.run, source.found)
             write_beside(source)
     except OSError as error:
         raise UserError(f"{path}: cannot be written ({error.strerror}); choose another place with --out") from error

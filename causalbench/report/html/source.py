@@ -18,10 +18,14 @@ from causalbench.store.run_folder import RunFolder
 
 @dataclass(frozen=True)
 class Source:
-    """Everything that sections read; `problems` are sentences about what is damaged, and so not counted."""
+    """Everything that sections read; `problems` are sentences about what is damaged, and so not counted.
+
+    `found` are the tables of the run by file, `tables` the same as frames.
+    """
 
     run: RunFolder
     cells: Sequence[StoredCell]
+    found: Mapping[str, Table]
     tables: Results
     problems: Sequence[str]
     sessions: Sequence[Mapping[str, Any]]
@@ -59,9 +63,10 @@ def read_source(folder: Path, found: Mapping[str, Table] | None = None) -> Sourc
     if not cells:
         reason = "; ".join(problems) or "no cells here; give the folder that `causalbench run` wrote"
         raise RunFolderError(f"{folder}: {reason}")
-    frames = vars(frames_of(tables(cells, run.stated()) if found is None else found))
+    found = tables(cells, run.stated()) if found is None else found
+    frames = vars(frames_of(found))
     grouped = Results(**{name: _grouped(frame) for name, frame in frames.items()})
-    return Source(run, cells, grouped, problems, run.sessions(), run.known_gaps())
+    return Source(run, cells, found, grouped, problems, run.sessions(), run.known_gaps())
 
 
 def _grouped(frame: pd.DataFrame) -> pd.DataFrame:
